@@ -10,6 +10,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -23,21 +24,32 @@ __all__ = ["Delimited", "numbers", "of_lines", "read_delimited", "write_delimite
 
 
 TRUTH = {"true": 1.0, "false": 0.0}
-CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:\.\d*)?)")  # days (IRIG), hours, minutes
+CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d*)?)")  # days (IRIG), hours, minutes
 DAY = 86400.0
-DATE = re.compile(  # ISO 8601: day, hours to seconds, fraction, zone
-    r"(\d{4}-\d\d-\d\d)(?:[T ](\d\d:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|z|[+-]\d\d(?::?\d\d)?)?)?"
+DATE = re.compile(  # ISO 8601, or day.month.year: day, hours to seconds, fraction, zone
+    r"(\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4})"
+    r"(?:[T ](\d{1,2}:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|z|[+-]\d\d(?::?\d\d)?)?)?"
 )
+GROUPED = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?\s*")  # points as thousands marks
+COMMA = re.compile(r"\s*[+-]?(?:\d*|[1-9]\d{0,2}(?:\.\d{3})+),\d+(?:[eE][+-]?\d+)?\s*")  # a decimal comma
+POINTED = re.compile(r"\s*[+-]?[\d,]*\.[\d.,]*(?:[eE][+-]?\d+)?\s*")
+DECIMAL = re.compile(  # a point that cannot be a thousands mark, as in 0.5, 1.0415 and 2.5e-3
+    r"\s*[+-]?(?:0?\.\d+|\d*\.\d{4,}|\d*\.\d+(?=[eE]))(?:[eE][+-]?\d+)?\s*"
+)
+LONG = re.compile(r"\s*[+-]?\d{4,}(?:,\d*)?\s*")  # a number that thousands marks would split
 LONGEST_UNIT = 12  # letters; more is a description
 UTF16 = (b"\xff\xfe", b"\xfe\xff")  # how a file of "Unicode text" begins
-MISSING = {"", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "."}
+SEPARATOR = re.compile(r"sep=([,;\t])")  # the first line that Excel writes and reads
+MISSING = {
+    "", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "---", ".", "#nv", "#n/a", "bad"
+}  # fmt: skip
 
 
 def number(text: str) -> float | None:
     """Return the number a text stands for, nan for the usual marks of a missing value, else None.
 
     Times of day, ``14:05:36.02`` or with the day of the year before, ``325:14:05:36.02``, are seconds; dates,
-    ``2026-03-01T14:05:36.02Z``, are seconds from 1970 on.
+    ``2026-03-01T14:05:36.02Z`` or ``1.3.2026 14:05:36.02``, are seconds from 1970 on.
     """
     stripped = text.strip()
     if stripped.lower() in MISSING:
@@ -52,43 +64,53 @@ def number(text: str) -> float | None:
             date = _nanoseconds(stripped)
             return None if date is None else date / 1e9
         days, hours, minutes, seconds = clock.groups(default="0")
-        return 86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
+        return (
+            86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
+        )
 
 
-def numbers(texts: Sequence[str], commas: bool = False) -> tuple[F64, int | None]:
+def numbers(texts: Sequence[str]) -> tuple[F64, int | None]:
     """Return the numbers of a column of texts, and the first row that holds none.
 
-    Dates become seconds from the first one. Times of day without a day go on over midnight. With `commas`,
-    a comma is the decimal point of a column that has no other.
+    Dates become seconds from the first one. Times of day without a day go on over midnight.
     """
-    commas = commas and any("," in text for text in texts) and not any("." in text for text in texts)
     values = np.full(len(texts), np.nan)
     for row, text in enumerate(texts):
-        found = number(text.replace(",", ".") if commas else text)
+        found = number(text)
         if found is None:
             return values, row
         values[row] = found
-    dates = [_nanoseconds(text.strip()) for text in texts] if texts and DATE.match(texts[0].strip()) else []
-    if dates:
+    known = np.isfinite(values)
+    leading = texts[int(np.argmax(known))].strip() if known.any() else ""
+    if DATE.fullmatch(leading):
+        dates = [_nanoseconds(text.strip()) for text in texts]
         first = next(date for date in dates if date is not None)
         return np.array([np.nan if date is None else (date - first) / 1e9 for date in dates]), None
-    if any((clock := CLOCK.fullmatch(text.strip())) and clock[1] is None for text in texts[:1]):
-        known = np.isfinite(values)
+    if (clock := CLOCK.fullmatch(leading)) and clock[1] is None:
         values[known] += DAY * np.cumsum(np.diff(values[known], prepend=values[known][:1]) < -DAY / 2)
     return values, None
 
 
 def _nanoseconds(text: str) -> int | None:
-    """Nanoseconds from 1970 of a date and time of ISO 8601, else None; without a zone it is that of UTC."""
+    """Nanoseconds from 1970 of a date and time of `DATE`, else None; without a zone it is that of UTC."""
     found = DATE.fullmatch(text)
     if found is None:
         return None
+    day, clock = found[1], found[2] or "00:00"
+    if "." in day:
+        day = "-".join(f"{part:0>2}" for part in reversed(day.split(".")))
+    clock = clock if clock[2] == ":" else f"0{clock}"
     try:
-        whole = datetime.fromisoformat(f"{found[1]}T{found[2] or '00:00'}{(found[4] or '+00:00').upper()}")
+        whole = datetime.fromisoformat(f"{day}T{clock}{(found[4] or '+00:00').upper()}")
     except ValueError:  # a thirteenth month
         return None
     seconds = round((whole - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds())
     return seconds * 10**9 + int((found[3] or "")[:9].ljust(9, "0"))
+
+
+def _with_points(text: str) -> str:
+    """A text with a decimal point instead of a decimal comma, and without thousands marks beside a comma."""
+    return (text.replace(".", "") if "," in text and GROUPED.fullmatch(text) else text).replace(",", ".")
 
 
 @dataclass(frozen=True)
@@ -101,6 +123,7 @@ class Delimited:
     rows: list[str]
     line_numbers: list[int]
     units: dict[str, str]
+    sheet: bool = False  # of a workbook, whose cells may be numbers beside texts with decimal commas
 
     def load(self, names: Sequence[str]) -> dict[str, F64]:
         """Return the numbers of some columns, nan where one is missing.
@@ -108,25 +131,78 @@ class Delimited:
         Raises
         ------
         DataError
-            If a field holds text; the message names line, column and text.
+            If a field holds text, or a point that may be a decimal point or a thousands mark; the message
+            names line, column and text.
         """
         places = [self.names.index(name) for name in names]
         try:  # NumPy's parser is fast but says little about what stopped it
+            if self._comma is not None:
+                raise ValueError("a point may be a thousands mark")
             table = np.loadtxt(
                 self.rows, delimiter=self.delimiter, usecols=places, comments=None, quotechar='"', ndmin=2
             )
         except ValueError:
-            rows = [_fields(row, self.delimiter) for row in self.rows]
-            table = np.column_stack([self._column(place, [row[place] for row in rows]) for place in places])
+            table = np.column_stack([self._column(place, self._texts[place]) for place in places])
         return {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}
 
+    @cached_property
+    def _texts(self) -> list[tuple[str, ...]]:
+        return list(zip(*(_fields(row, self.delimiter) for row in self.rows), strict=True))
+
+    @cached_property
+    def _comma(self) -> tuple[int, int] | None:
+        """Column and row of a number with a decimal comma, in a column of numbers, if the file has one."""
+        if self.delimiter == "," or not any("," in row for row in self.rows):
+            return None
+        for place, texts in enumerate(self._texts):
+            row = next((k for k, text in enumerate(texts) if COMMA.fullmatch(text)), None)
+            if row is not None and all(number(_with_points(text)) is not None for text in texts):
+                return place, row
+        return None
+
+    def _without_thousands(self, place: int, texts: Sequence[str]) -> Sequence[str]:
+        """The texts of a column of a file of decimal commas, with decimal points."""
+        assert self._comma is not None
+        points = {
+            k for k, text in enumerate(texts) if POINTED.fullmatch(text) and not DATE.fullmatch(text.strip())
+        }
+        points -= {k for k in points if texts[k].strip() in MISSING}
+        grouped = {k for k in points if GROUPED.fullmatch(texts[k])}
+        if not any(COMMA.fullmatch(text) for text in texts) and (
+            any(DECIMAL.fullmatch(texts[k]) for k in points) or (self.sheet and not grouped)
+        ):
+            return texts  # points are decimal points, or cells are numbers
+        where, row = self._comma
+        beside = (
+            f"while column {self.names[where]!r} has decimal commas ({self._texts[where][row].strip()!r} in "
+            f"line {self.line_numbers[row]})"
+        )
+        if points - grouped:
+            wrong = min(points - grouped)
+            raise DataError(
+                f"{self.file}, line {self.line_numbers[wrong]}: column {self.names[place]!r} holds "
+                f"{texts[wrong].strip()!r}, whose point is no thousands mark, {beside}; write all decimals "
+                "of the file with the same mark"
+            )
+        long = next((k for k, text in enumerate(texts) if grouped and LONG.fullmatch(text)), None)
+        if long is not None:
+            wrong = min(grouped)
+            raise DataError(
+                f"{self.file}, line {self.line_numbers[wrong]}: column {self.names[place]!r} holds "
+                f"{texts[wrong].strip()!r} and, in line {self.line_numbers[long]}, {texts[long].strip()!r} "
+                f"without a thousands mark, {beside}; remove the points if they mark thousands, else write "
+                "commas"
+            )
+        plain = [text.replace(".", "") if k in grouped else text for k, text in enumerate(texts)]
+        return [text.replace(",", ".") for text in plain]
+
     def _column(self, place: int, texts: Sequence[str]) -> F64:
-        values, wrong = numbers(texts, commas=self.delimiter != ",")
+        values, wrong = numbers(texts if self._comma is None else self._without_thousands(place, texts))
         if wrong is not None:
             text = texts[wrong].strip()
             cure = "correct it, or put # before the line to skip it"
             if "," in text and number(text.replace(",", ".")) is not None:
-                cure = "decimal commas are read where another mark separates the columns and no point occurs"
+                cure = "decimal commas are read where another mark separates the columns"
             raise DataError(
                 f"{self.file}, line {self.line_numbers[wrong]}: column {self.names[place]!r} holds {text!r} "
                 f"where a number is needed; {cure}"
@@ -169,18 +245,22 @@ def _bytes_of(path: Path) -> bytes:
         ) from None
 
 
-def of_lines(label: str, lines: list[str]) -> Delimited:
+def of_lines(label: str, lines: list[str], sheet: bool = False) -> Delimited:
     """The rows of a text or of a sheet; as `read_delimited`."""
-    kept = [k for k, line in enumerate(lines) if line and line[0] not in "#%" and _holds_data(line)]
+    kept = [k for k, line in enumerate(lines) if line and _holds_data(line)]
+    separator = SEPARATOR.fullmatch(lines[kept[0]].strip(" ")) if kept else None
+    kept = kept[1:] if separator else kept
     if not kept:
         raise DataError(f"{label} holds no data; it needs a line of column names and rows of numbers")
     if _blanks_separate([lines[k] for k in kept[:2]]):
         for k in kept:
             lines[k] = "\t".join(lines[k].split())
-    first, units = lines[kept[0]], {}
+    first = lines[kept[0]]
+    units: dict[str, str] = {}
     delimiter = max(",;\t", key=lambda mark: len(_fields(first, mark)))
     delimiter = next((mark for mark in ";\t" if mark in first and _all_numbers(first, mark)), delimiter)
-    names = tuple(field.strip() for field in _fields(first, delimiter))
+    delimiter = separator[1] if separator else delimiter
+    names, heading = tuple(field.strip() for field in _fields(first, delimiter)), kept[0]
     if _all_numbers(first, delimiter):
         names = _commented_names(lines[: kept[0]], delimiter, len(names))
     else:
@@ -189,7 +269,7 @@ def of_lines(label: str, lines: list[str]) -> Delimited:
         said = {
             name: field for name, field in zip(names, second, strict=False) if field.lower() not in MISSING
         }
-        if said and all(number(field.replace(",", ".")) is None for field in said.values()):
+        if said and all(number(_with_points(field)) is None for field in said.values()):
             units = {name: unit.strip("()[]") for name, unit in said.items() if len(unit) <= LONGEST_UNIT}
             kept = kept[1:]
     if not kept:
@@ -198,6 +278,7 @@ def of_lines(label: str, lines: list[str]) -> Delimited:
     marks = len(names) - 1
     for k, row in enumerate(rows):  # counting marks is enough where nothing is quoted, and fast
         if row.count(delimiter) != marks and (count := len(_fields(row, delimiter))) != len(names):
+            _refuse_title(label, heading + 1, names, rows)
             raise DataError(
                 f"{label}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
                 "correct the line, or put # before it to skip it"
@@ -205,7 +286,19 @@ def of_lines(label: str, lines: list[str]) -> Delimited:
     for name, text in zip(names, _fields(rows[0], delimiter), strict=False):
         if CLOCK.fullmatch(text.strip()) or DATE.fullmatch(text.strip()):
             units[name] = "s"
-    return Delimited(label, names, delimiter, rows, [k + 1 for k in kept], units)
+    return Delimited(label, names, delimiter, rows, [k + 1 for k in kept], units, sheet)
+
+
+def _refuse_title(label: str, line: int, names: Sequence[str], rows: Sequence[str]) -> None:
+    """Refuse a first line of fewer fields than all rows have."""
+    for mark in ";\t,":
+        counts = {len(_fields(row, mark)) for row in rows}
+        if len(counts) == 1 and (count := counts.pop()) > len(names):
+            fields = f"{len(names)} field{'s' * (len(names) > 1)}"
+            raise DataError(
+                f"{label}, line {line}: the header has {fields} where all rows have {count}; put # before "
+                f"line {line} if it is a title, else name every column in it"
+            )
 
 
 def _commented_names(above: list[str], delimiter: str, columns: int) -> tuple[str, ...]:
@@ -221,7 +314,7 @@ def _commented_names(above: list[str], delimiter: str, columns: int) -> tuple[st
 def _all_numbers(line: str, delimiter: str) -> bool:
     """Tell whether all fields are numbers, with decimal commas where another mark separates them."""
     texts = _fields(line, delimiter)
-    return all(number(text if delimiter == "," else text.replace(",", ".")) is not None for text in texts)
+    return all(number(text if delimiter == "," else _with_points(text)) is not None for text in texts)
 
 
 def _blanks_separate(lines: Sequence[str]) -> bool:
@@ -235,8 +328,12 @@ def _blanks_separate(lines: Sequence[str]) -> bool:
 
 
 def _holds_data(line: str) -> bool:
-    """Tell whether a line is more than blanks and comment."""
-    return line[0] not in " \t" or (not line.isspace() and line.lstrip()[0] not in "#%")
+    """Tell whether a line is more than blanks and comment; ``#N/A`` in the first column is no comment."""
+    if line[0] not in " \t#%":
+        return True
+    if line.isspace():
+        return False
+    return line.lstrip()[0] not in "#%" or re.split("[,;\t]", line)[0].strip().lower() in MISSING
 
 
 def _fields(line: str, delimiter: str) -> list[str]:

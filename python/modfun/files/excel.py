@@ -9,7 +9,7 @@ from typing import Any
 from ..base.names import nearest
 from ..base.optional import optional
 from ..errors import DataError, SpecError
-from .delimited import Delimited, of_lines
+from .delimited import GROUPED, Delimited, of_lines
 
 __all__ = ["read_excel"]
 
@@ -44,7 +44,7 @@ def read_excel(path: Path, sheet: str | None) -> Delimited:
         lines = ["\t".join(map(_text, row)) for row in rows]
     finally:
         book.close()
-    return of_lines(path.name, lines)
+    return of_lines(path.name, lines, sheet=True)
 
 
 def _text(cell: Any) -> str:
@@ -53,4 +53,6 @@ def _text(cell: Any) -> str:
         return ""
     if isinstance(cell, datetime | date | time):
         return cell.isoformat()
-    return " ".join(str(cell).split())
+    text = " ".join(str(cell).split())
+    # A cell that is the number 1.234 is no text with a thousands mark.
+    return f"{text}0" if isinstance(cell, float) and GROUPED.fullmatch(text) else text

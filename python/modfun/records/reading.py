@@ -146,8 +146,9 @@ def read(
     the columns (if it is all numbers, the comment above it does, as numpy.savetxt writes it, or they are
     ``column1``, ``column2``, ...), a line below it without a number holds the units. Times of day,
     ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds, and go on over midnight;
-    dates, ``2026-03-01T14:05:36.02Z``, become seconds from the first. Decimal commas are read where another
-    mark separates the columns.
+    dates, ``2026-03-01T14:05:36.02Z`` or ``1.3.2026 14:05``, become seconds from the first. Decimal commas
+    are read where another mark separates the columns; points of such a file are thousands marks, 1.040 is
+    1040, and a column whose points may be either is refused.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.

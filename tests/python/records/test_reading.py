@@ -296,7 +296,25 @@ FILES = {
         text("t;q;de", ";", MIXED),
         {},
         DataError,
-        "line 3: column 'q' holds '0,5' .*decimal commas are read where",
+        "line 2: column 'q' holds '0.5', whose point is no thousands mark, while .*'0,5' in line 3",
+    ),
+    "quoted comma": (
+        text(rows=[(0.0, '"0,5"', 0.0)]),
+        {},
+        DataError,
+        "line 2: column 'q' holds '0,5' .*decimal commas are read where another mark",
+    ),
+    "title": (
+        text("Unit 7, run 3\nt,q,de"),
+        {},
+        DataError,
+        "line 1: the header has 2 fields where all rows have 3; put # before line 1 if it is a title",
+    ),
+    "title without marks": (
+        text("Unit 7\nt;q;de", ";", COMMA),
+        {},
+        DataError,
+        "line 1: the header has 1 field where all rows have 3; put # before line 1",
     ),
     "row too long": (text(rows=LONG), {}, DataError, "line 6: 4 fields where the header has 3; correct"),
     "row too short": (text(rows=SHORT), {}, DataError, "line 6: 2 fields where the header has 3"),
@@ -403,15 +421,83 @@ def clocks(form):
         lambda at: at.isoformat(" ", timespec="milliseconds") + "Z",
         lambda at: at.isoformat(timespec="microseconds") + "+02:00",
         lambda at: at.time().isoformat(timespec="milliseconds"),
+        lambda at: at.time().isoformat(timespec="milliseconds").replace(".", ","),
+        lambda at: f"{at.day}.{at.month}.{at.year} {at.time().isoformat(timespec='milliseconds')}",
+        lambda at: f"{at:%d.%m.%Y %H:%M:%S},{at.microsecond // 1000:03d}",
     ],
-    ids=["iso", "iso with blank", "iso with zone", "time of day over midnight"],
+    ids=[
+        "iso",
+        "iso with blank",
+        "iso with zone",
+        "clock",
+        "clock with comma",
+        "day first",
+        "day first, comma",
+    ],
 )
 def test_dates_and_times_over_midnight_become_even_seconds(file, form):
-    path = file(text("time,q", rows=zip(clocks(form), range(50), strict=True)))
+    path = file(text("time;q", ";", zip(clocks(form), (f"{k},5" for k in range(50)), strict=True)))
     rec = mf.read(path, outputs="q")
     assert rec.dt == pytest.approx(0.02, rel=1e-9)
     assert rec.duration == pytest.approx(0.98, rel=1e-9)
     assert mf.columns(path)["unit"].tolist() == ["s", ""]
+
+
+def test_dates_with_the_day_first_need_no_seconds(file):
+    rows = [(f"{1 + k // 24}.3.2026 {k % 24}:05", k) for k in range(30)]
+    rec = mf.read(file(text("time,q", rows=rows)), outputs="q")
+    assert (rec.dt, rec.t[-1]) == (3600, 29 * 3600)
+
+
+@pytest.mark.parametrize(
+    ("texts", "values"),
+    [
+        (["999", "1.040", "1.234.567", "-1.200", "n/a"], [999, 1040, 1234567, -1200, np.nan]),
+        (["1.233,50", "12,5", "45", "---", "1e3"], [1233.5, 12.5, 45, np.nan, 1000]),
+        (["0.512", "1.200", "10.000", "2.5", "7"], [0.512, 1.2, 10, 2.5, 7]),  # no thousands, since 0.512
+    ],
+    ids=["thousands", "thousands and decimals", "decimal points"],
+)
+def test_thousands_marks_of_a_file_of_decimal_commas(file, texts, values):
+    rows = [(k, one, "45,0") for k, one in enumerate(texts)]
+    table = mf.records.reading.open_columns(file(text("t;q;de", ";", rows)))
+    np.testing.assert_equal(table.load(["q"])["q"], values)
+    np.testing.assert_equal(table.load(["de"])["de"], 45.0)
+
+
+@pytest.mark.parametrize(
+    ("texts", "message"),
+    [
+        (
+            ["1.5", "2"],
+            r"line 2: column 'q' holds '1.5', whose point is no .*'de'.*\('45,0' in line 2\); write",
+        ),
+        (["1.200", "1.50"], r"line 3: column 'q' holds '1.50', whose point is no thousands mark"),
+        (["900", "1.200", "2500"], r"line 3: column 'q' holds '1.200' and, in line 4, '2500' without"),
+    ],
+)
+def test_points_that_may_be_decimal_or_not_are_refused(file, texts, message):
+    rows = [(k, one, "45,0") for k, one in enumerate(texts)]
+    with pytest.raises(DataError, match=message):
+        mf.read(file(text("t;q;de", ";", rows)), outputs="q")
+
+
+def test_points_are_decimal_where_no_number_has_a_comma(file):
+    rows = [(k, "1.200", "a,b" if k else "1,2") for k in range(10)]  # the last column is text
+    assert (mf.read(file(text("t;q;note", ";", rows)), outputs="q").y == 1.2).all()
+
+
+@pytest.mark.parametrize("gap", ["#NV", "#N/A", "Bad", "---", "n/a"])
+def test_marks_of_gaps_are_masked(file, gap):
+    rows = [(gap if k == 3 else q, t) for k, (t, q) in enumerate(zip(T, Q, strict=True))]
+    rec = mf.read(file(text("q,t", rows=rows)), outputs="q", missing="mask")
+    assert np.flatnonzero(~rec.mask[0]).tolist() == [3]
+    assert len(rec.t) == N + 1
+
+
+def test_the_separator_line_of_excel(file):
+    wanted = mf.read(file(text()), outputs="q")
+    assert mf.read(file(text("t;q;de", ";", COMMA, before="sep=;\n")), outputs="q") == wanted
 
 
 def test_a_thirteenth_month_is_no_date(file):
@@ -478,6 +564,18 @@ def test_sheets_are_read_as_text_files_are(tmp_path):
     path.write_bytes(b"nothing")
     with pytest.raises(DataError, match=r"run\.xlsx cannot be read as \.xlsx"):
         read(path, outputs="q")
+
+
+def test_texts_of_sheets_are_told_from_their_numbers(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    path, book = tmp_path / "run.xlsx", openpyxl.Workbook()
+    book.active.append(["time", "q", "de", "p"])
+    for k in range(10):
+        book.active.append([f"01.03.2026 10:00:{k:02d}", 1.234, "1.234" if k else "900", "45,5"])
+    book.save(path)
+    rec = read(path, outputs=["q", "de", "p"])
+    assert (rec.dt, rec["q"].tolist(), rec["de"].tolist()) == (1.0, [1.234] * 10, [900.0] + [1234.0] * 9)
+    assert rec["p"].tolist() == [45.5] * 10
 
 
 def test_a_list_of_sources_gives_a_list_of_records(file):
