@@ -20,6 +20,7 @@ __all__ = [
     "SECONDS",
     "Columns",
     "Told",
+    "are_serial",
     "doubtful_step",
     "from_arrays",
     "guess_time",
@@ -51,9 +52,12 @@ SECONDS = {
     "minutes": 60.0,
     "h": 3600.0,
     "hours": 3600.0,
+    "d": 86400.0,
     "days": 86400.0,
     "weeks": 604800.0,
 }
+SERIAL = (20_000, 80_000)  # days
+FASTEST = 1e-4  # s: steps of slow systems are not below it
 
 
 @dataclass(frozen=True)
@@ -151,7 +155,7 @@ def _time_word(name: str) -> tuple[str, str]:
     if unit:
         return re.split(r"[\[(]", name)[0].strip(" _").lower(), unit.lower()
     word, mark, tail = name.strip().lower().rpartition("_")
-    return (word, tail) if mark and tail in SECONDS else (name.strip().lower(), "")
+    return (word, tail) if mark and tail in SECONDS and tail != "d" else (name.strip().lower(), "")
 
 
 def seconds_of(name: str, told: Told) -> float:
@@ -178,12 +182,32 @@ def guess_time(table: Columns) -> str:
     raise SpecError(f"read: {table.label}: {problem}; {cure}. The columns are: {listed(table.names)}")
 
 
-def doubtful_step(times: F64, name: str, told: Told) -> float | None:
-    """Return the usual step of times that may not be seconds: of whole numbers without a unit, 2 or more."""
-    if told.units.get(name) or _time_word(name)[1] or times.size < 2 or np.any(times != np.rint(times)):
+def doubtful_step(times: F64, name: str, told: Told) -> tuple[float, str] | None:
+    """Return the usual step of times without a unit that may not be seconds, and the unit they may have.
+
+    Whole numbers with steps of 2 or more may be milliseconds, and serial dates are days.
+    """
+    if told.units.get(name) or _time_word(name)[1] or times.size < 2:
         return None
-    usual = float(np.median(np.diff(times)))
-    return usual if usual >= 2 else None
+    steps = np.diff(times)
+    usual = float(np.median(steps))
+    if not np.any(times != np.rint(times)):
+        return (usual, "ms") if usual >= 2 else None
+    mean = float(np.mean(steps))  # of dates with few decimals the usual step is coarse
+    if are_serial(times) and (0 < usual < FASTEST or any(map(_whole_of_days, (usual, mean)))):
+        return usual, "d"
+    return None
+
+
+def are_serial(days: F64) -> bool:
+    """Tell whether numbers may be the days from 1900 on that spreadsheets count, of 1954 to 2119."""
+    return bool(days.size and days.min() > SERIAL[0] and days.max() < SERIAL[1])
+
+
+def _whole_of_days(step: float) -> bool:
+    """Tell whether a step in days is a multiple of ten seconds; those of seconds of the day seldom are."""
+    seconds = SECONDS["d"] * step
+    return 5 < seconds < 900 and abs(seconds - 10 * round(seconds / 10)) < 1e-3 * seconds
 
 
 def pace(times: F64) -> str:

@@ -16,13 +16,14 @@ from numpy.typing import ArrayLike
 from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.names import listed, nearest
-from ..base.samples import EVEN, Origin
+from ..base.samples import EVEN, Origin, even_step
 from ..base.tables import Table
 from ..errors import DataError, ModfunWarning, SpecError
 from .columns import (
     SECONDS,
     Columns,
     Told,
+    are_serial,
     doubtful_step,
     guess_time,
     pace,
@@ -133,7 +134,8 @@ def read(
     Warns
     -----
     ModfunWarning
-        Where times without a unit are whole numbers with steps of 2 or more, as milliseconds are.
+        Where times without a unit are whole numbers with steps of 2 or more, as milliseconds are, or look
+        like the serial dates of spreadsheets, which are days.
 
     See Also
     --------
@@ -208,10 +210,12 @@ def read(
     count = len(values[wanted[0]]) if wanted else 0
     ok = _mask(values, out, good, count)
     forms = {new: told.intersample[name] for new, name in into.items() if name in told.intersample}
-    if clock is not None and (step := doubtful_step(values[clock], clock, told)) is not None:
+    if clock is not None and (doubt := doubtful_step(values[clock], clock, told)) is not None:
+        step, unit = doubt
+        word = {"ms": "milliseconds", "d": "days, as the dates of spreadsheets"}[unit]
         warnings.warn(
             f"read: {table.label}: {clock!r} has no unit and steps of {step:g}, which are taken as seconds; "
-            f"if they are milliseconds, give units={{{clock!r}: 'ms'}}, else units={{{clock!r}: 's'}}",
+            f"if they are {word}, give units={{{clock!r}: {unit!r}}}, else units={{{clock!r}: 's'}}",
             ModfunWarning,
             stacklevel=3,
         )
@@ -288,9 +292,10 @@ def columns(
         low, high = (float(good.min()), float(good.max())) if good.size else (None, None)
         note = "empty" if low is None else "constant" if low == high else _told_role(name, table.told)
         if name in times:
-            note = f"time, {pace(values * seconds_of(name, table.told))}"
-            if doubtful_step(values, name, table.told) is not None:
-                note += "; or in ms?"
+            times, step = _seconds(values, name, table.told)
+            note = f"time, {pace(times if step is None else step * np.arange(count))}"
+            if (doubt := doubtful_step(values, name, table.told)) is not None:
+                note += f"; or in {doubt[1]}?"
         rows.append((name, unit_of(name, table.told), low, high, len(values) - good.size, note))
     header = ("column", "unit", "min", "max", "missing", "note")
     step = f", dt = {table.told.dt:.6g} s" if table.told.dt and not times else ""
@@ -384,12 +389,28 @@ def _sampling(table: Columns, values: dict[str, F64], clock: str | None, dt: flo
     told = table.told
     if clock is None:
         return {"dt": told.dt, "t0": told.t0} if dt is None else {"dt": dt}
-    times = values[clock] * seconds_of(clock, told)
+    times, step = _seconds(values[clock], clock, told)
+    if step is not None:
+        return {"dt": step, "t0": float(times[0])}
     if told.dt is not None and len(times):
         grid = times[0] + told.dt * np.arange(len(times))
         if np.abs(times - grid).max() <= EVEN * told.dt:
             return {"dt": told.dt, "t0": float(times[0])}
     return {"t": times}
+
+
+def _seconds(values: F64, clock: str, told: Told) -> tuple[F64, float | None]:
+    """Times in seconds, and their step where they are even in the decimals of another unit.
+
+    Serial dates of spreadsheets are counted from the first one, as other dates are.
+    """
+    scale = seconds_of(clock, told)
+    if scale == 1:
+        return values, None
+    times = scale * (values - values[0] if scale == SECONDS["d"] and are_serial(values) else values)
+    rises = len(values) > 1 and np.isfinite(values).all() and np.all(values[1:] > values[:-1])
+    step = even_step(values) if rises and told.dt is None else None
+    return times, None if step is None else scale * step
 
 
 def _refuse_other_step(table: Columns, dt: float, used: Sequence[str]) -> None:

@@ -524,6 +524,30 @@ def test_milliseconds_are_doubted_until_the_unit_is_said(file):
         mf.read(path, outputs="q", units={"t": "mile"})
 
 
+@pytest.mark.parametrize("decimals", [15, 9])
+@pytest.mark.parametrize("seconds", [0.5, 1, 60, 300])
+def test_serial_dates_are_doubted_until_the_unit_is_said(file, seconds, decimals):
+    rows = [(f"{46082 + seconds * k / 86400:.{decimals}f}".replace(".", ","), k) for k in range(200)]
+    path = file(text("Zeit;q", ";", rows))
+    assert mf.columns(path)["note"][0].endswith("; or in d?")
+    cure = r"if they are days, as the dates of spreadsheets, give units=\{'Zeit': 'd'\}, else"
+    with pytest.warns(mf.ModfunWarning, match=cure):
+        mf.read(path, outputs="q")
+    rec = mf.read(path, outputs="q", units={"Zeit": "d"})
+    assert (rec.t[0], rec.dt) == (0.0, pytest.approx(seconds, rel=1e-4 / min(seconds, 1)))
+
+
+@pytest.mark.parametrize("step", [0.0005, 0.001, 0.002, 1 / 256, 0.004, 0.005, 1 / 128, 0.01, 0.02])
+def test_seconds_of_the_day_are_no_serial_dates(file, step):
+    path = file(text("t,q", rows=[(repr(36000 + step * k), k) for k in range(200)]))
+    assert mf.read(path, outputs="q").duration == pytest.approx(199 * step)
+
+
+def test_times_in_minutes_are_even_in_their_own_decimals(file):
+    path = file(text("t [min],q", rows=[(f"{k / 60:.3f}", k) for k in range(200)]))
+    assert mf.read(path, outputs="q").dt == pytest.approx(1, rel=1e-3)
+
+
 def test_packed_text_is_read_and_damage_is_said(tmp_path):
     path = tmp_path / "run.csv.gz"
     path.write_bytes(gzip.compress(text().encode()))
