@@ -292,8 +292,8 @@ def columns(
         low, high = (float(good.min()), float(good.max())) if good.size else (None, None)
         note = "empty" if low is None else "constant" if low == high else _told_role(name, table.told)
         if name in times:
-            times, step = _seconds(values, name, table.told)
-            note = f"time, {pace(times if step is None else step * np.arange(count))}"
+            instants, even = _seconds(values, name, table.told)
+            note = f"time, {pace(np.asarray(instants if even is None else even * np.arange(count)))}"
             if (doubt := doubtful_step(values, name, table.told)) is not None:
                 note += f"; or in {doubt[1]}?"
         rows.append((name, unit_of(name, table.told), low, high, len(values) - good.size, note))
