@@ -187,7 +187,8 @@ def doubtful_step(times: F64, name: str, told: Told) -> tuple[float, str] | None
 
     Whole numbers with steps of 2 or more may be milliseconds, and serial dates are days.
     """
-    if told.units.get(name) or _time_word(name)[1] or times.size < 2:
+    said = told.units.get(name) or _time_word(name)[1]
+    if said or times.size < 2 or not np.isfinite(times).all():
         return None
     steps = np.diff(times)
     usual = float(np.median(steps))
