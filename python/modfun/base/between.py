@@ -19,10 +19,9 @@ Mask = NDArray[np.bool_]
 MIXED = "mixed"  # in place of a word of several records that differ in it
 AUTO = "auto"  # what users say, or leave unsaid, to have the word taken from the samples
 
-# What samples look like, and the word for it. An input at rest says nothing, and every word is right;
-# held, it may have stepped to where it is at the first sample.
+# What samples look like, and the word for it. An input at rest says nothing: every word is right.
 FORMS = {
-    "rest": "zoh",
+    "rest": "smooth",
     "held": "zoh",  # flat between jumps
     "stairs": "zoh",  # the same on four or five levels, one at a time: held, or a coarsely rounded motion
     "straight": "foh",

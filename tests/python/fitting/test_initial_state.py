@@ -359,20 +359,6 @@ def test_a_parameter_on_its_bound_is_left_out_where_a_known_start_is_proposed() 
     fit.check()
 
 
-def test_a_log_that_begins_with_its_step_is_fitted_from_zero():
-    """Undeclared, it was taken for a motion that cannot jump from zero, and messages went in a circle."""
-    u = np.full(200, 5.0)
-    y = mf.tf([2.5], [40, 1], delay=8.0).simulate(u=u, dt=1.0, intersample="zoh").ravel()
-    y = y + 0.2 * np.random.default_rng(0).standard_normal(200)
-    model = mf.TransferFunction(poles=1, zeros=0, delay=8.0)
-    with pytest.raises(mf.ModfunError, match='give initial_state="zero"'):
-        mf.fit(mf.Record(y=y, u=u, dt=1.0), model)
-    fit = mf.fit(mf.Record(y=y, u=u, dt=1.0), model, initial_state="zero")
-    assert np.all(np.abs(fit.params - [1 / 40, 2.5 / 40]) < 4 * fit.bse)
-    declared = mf.Record(y=y, u=u, dt=1.0, intersample="zoh")
-    assert np.array_equal(fit.params, mf.fit(declared, model, initial_state="zero").params)
-
-
 @pytest.mark.parametrize("delay", [8.0, mf.Free(min=0, max=20)])
 def test_an_operating_point_is_named_before_the_bound_it_drives_a_delay_to(delay):
     t = np.arange(601)

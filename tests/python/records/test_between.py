@@ -98,9 +98,8 @@ def test_what_changes_at_every_sample_is_smooth_and_doubted(n):
     assert "power up to the highest frequencies" in str(Record(y=u, u=u, dt=0.1).check())
 
 
-def test_an_input_at_rest_is_held():
-    """It may have stepped at the first sample, as fits from a zero state take it."""
-    assert word(np.full(64, 3.0)) == "zoh"
+def test_an_input_at_rest_is_smooth():
+    assert word(np.full(64, 3.0)) == "smooth"
 
 
 def test_printing_says_what_was_seen():
@@ -143,7 +142,7 @@ def test_records_fitted_together_agree():
     active = Record(y=moved.y, u=moved.u, dt=moved.dt)
     free = TRUTH.simulate(u=np.zeros(201), dt=0.05, initial_state=[1.0, 0.0])
     still = Record(y=free + 0.001 * np.random.default_rng(2).normal(size=201), u=np.zeros(201), dt=0.05)
-    assert (active.intersample, still.intersample) == (("zoh",), ("zoh",))
+    assert (active.intersample, still.intersample) == (("zoh",), ("smooth",))
     fit = mf.fit([active, still], STRUCTURE)
     assert fit.params == pytest.approx(mf.fit([moved, still], STRUCTURE).params, rel=1e-12)
 
