@@ -28,6 +28,7 @@ __all__ = ["Draw", "chosen", "jacobian_lines", "levels_in_time", "white", "wild"
 Simulated = tuple[F64, InitialState]
 # Noise of replicates, by their numbers: an array (replicate, output, time) a record.
 Draw = Callable[[range], list[F64]]
+Levels = list[F64] | None  # of noise that changes over each record, (output, time)
 LEAST = 1e-4  # of the largest |A|: the floor of the fit's own weights
 
 
@@ -50,7 +51,7 @@ def chosen(fit: Fit, records: tuple[Record, ...]) -> tuple[str, str]:
     return "parametric", why
 
 
-def levels_in_time(fit: Fit, records: tuple[Record, ...]) -> list[F64] | None:
+def levels_in_time(fit: Fit, records: tuple[Record, ...]) -> Levels:
     """Level of the noise of each record (output, time) over its own root mean square; None if it is even."""
     found = None if fit.with_past or noise_free(fit) is not None else changing(fit)
     if found is None:
@@ -64,11 +65,7 @@ def levels_in_time(fit: Fit, records: tuple[Record, ...]) -> list[F64] | None:
 
 
 def white(
-    fit: Fit,
-    records: tuple[Record, ...],
-    found: list[Simulated],
-    seed: int,
-    levels: list[F64] | None = None,
+    fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int, levels: Levels = None
 ) -> Draw:
     """Independent normal samples of the noise covariance that the fit found, times the records' sigma.
 
@@ -112,11 +109,7 @@ def white(
 
 
 def wild(
-    fit: Fit,
-    records: tuple[Record, ...],
-    found: list[Simulated],
-    seed: int,
-    levels: list[F64] | None = None,
+    fit: Fit, records: tuple[Record, ...], found: list[Simulated], seed: int, levels: Levels = None
 ) -> Draw:
     """The residuals with each line of their spectrum turned by a random angle, the same for all outputs.
 

@@ -7,7 +7,7 @@
 use crate::math::{ln_1, sin_cos_turns_1};
 
 /// Longest autoregression.
-pub(crate) const MOST: usize = 4;
+const MOST: usize = 4;
 /// Lines an order must have.
 const LINES_EACH: usize = 6;
 /// Rounds of colour and parameters after which orders no longer change.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,16 @@ def record(state: Any = STATE, **words: Any) -> mf.Record:
     told = {"input": STEP, "duration": 3.0, "intervals": 150, "intersample": "zoh"}
     channels = {"outputs": ["alpha", "q"], "inputs": ["de"]}
     return mf.simulate(MOTION.model(DERIVATIVES), initial_state=state, **(told | words), **channels)
+
+
+def scatter(fits: Iterable[mf.Fit], truth: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Scatter of the parameters over the bound, and how often their intervals hold them."""
+    errors, inside = [], []
+    for fit in fits:
+        low, high = fit.conf_int().T
+        errors.append((fit.params - truth) / known)
+        inside.append((low < truth) & (high > truth))
+    return np.sqrt(np.mean(np.square(errors), axis=0)), np.mean(inside, axis=0)
 
 
 @pytest.mark.parametrize("trend", [None, "constant"])
@@ -45,19 +56,17 @@ def test_scatter_is_that_of_the_bound() -> None:
     words = {"params": DERIVATIVES, "sigma": sigma, "trend": "constant"}
     known = mf.crlb(MOTION, clean, initial_state=STATE, **words).sd
     assert np.max(mf.crlb(MOTION, clean, start=STATE, **words).sd / known) > 3
-    errors, inside = [], []
-    for seed in range(60):
+
+    def fitted(seed: int) -> mf.Fit:
         noise = sigma[:, None] * np.random.default_rng(seed).standard_normal(clean.y.shape)
         rec = clean.assign(alpha=clean["alpha"] + noise[0] + 0.03, q=clean["q"] + noise[1])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            fit = mf.fit(rec, MOTION, initial_state=STATE)
-        low, high = fit.conf_int().T
-        errors.append((fit.params - TRUTH) / known)
-        inside.append((low < TRUTH) & (high > TRUTH))
-    spread = np.sqrt(np.mean(np.square(errors), axis=0))
+            return mf.fit(rec, MOTION, initial_state=STATE)
+
+    spread, covered = scatter(map(fitted, range(60)), TRUTH, known)
     assert np.all((spread > 0.68) & (spread < 1.32)), spread
-    assert np.all(np.mean(inside, axis=0) > 0.83), np.mean(inside, axis=0)
+    assert np.all(covered > 0.83), covered
 
 
 def test_records_from_states_of_their_own(tmp_path: Path) -> None:
@@ -159,16 +168,14 @@ def test_scatter_of_equations_is_that_of_the_bound() -> None:
     words = {"params": COEFFICIENTS, "sigma": sigma}
     known = mf.crlb(SECOND, clean, initial_state=BEGUN, **words).sd
     assert np.min(mf.crlb(SECOND, clean, start=BEGUN, **words).sd / known) > 1.6
-    truth, errors, inside = np.array(list(COEFFICIENTS.values())), [], []
-    for seed in range(200):
+
+    def fitted(seed: int) -> mf.Fit:
         noise = sigma * np.random.default_rng(seed).standard_normal(clean.t.size)
-        fit = mf.fit(clean.assign(y=clean["y"] + noise), SECOND, initial_state=BEGUN)
-        low, high = fit.conf_int().T
-        errors.append((fit.params - truth) / known)
-        inside.append((low < truth) & (high > truth))
-    spread = np.sqrt(np.mean(np.square(errors), axis=0))
+        return mf.fit(clean.assign(y=clean["y"] + noise), SECOND, initial_state=BEGUN)
+
+    spread, covered = scatter(map(fitted, range(200)), np.array(list(COEFFICIENTS.values())), known)
     assert np.all((spread > 0.82) & (spread < 1.18)), spread
-    assert np.all(np.mean(inside, axis=0) > 0.89), np.mean(inside, axis=0)
+    assert np.all(covered > 0.89), covered
 
 
 def test_equations_of_records_from_states_of_their_own() -> None:

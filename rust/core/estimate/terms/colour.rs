@@ -66,7 +66,7 @@ impl TermsProblem<'_> {
                     changed = changed.max((h / before - 1.0).abs());
                 }
             }
-            spot.set_colours(&self.fitter.o.equations, colours);
+            spot.colours = colours;
         }
         self.forget_cost();
         changed
@@ -115,7 +115,7 @@ impl TermsProblem<'_> {
             found.push(own.order);
         }
         for (spot, colours) in self.spots.iter_mut().zip(colours) {
-            spot.set_colours(e, colours);
+            spot.colours = colours;
         }
         self.forget_cost();
         Ok(found)

@@ -91,6 +91,14 @@ impl TermsFitter {
                 "fitting: noise levels are needed for each noisy channel".into(),
             ));
         }
+        if o.coloured && o.equations.bends() {
+            return Err(Error::Spec(
+                "fitting equations with noise=\"coloured\": one of them is nonlinear in the outputs, which spreads their \
+                 noise over all lines, so that its colour cannot weigh the lines. Leave noise= out: the standard errors \
+                 hold for noise of any colour"
+                    .into(),
+            ));
+        }
         for signal in &o.equations.signals {
             signal.kind.check("kinds of a signal", sampling.len())?;
         }
@@ -126,14 +134,6 @@ impl TermsFitter {
                 e.orders.len(),
                 e.noisy.len() - o.shapes.len().min(e.noisy.len())
             )));
-        }
-        if o.coloured && e.bends() {
-            return Err(Error::Spec(
-                "fitting equations with noise=\"coloured\": one of them is nonlinear in the outputs, which spreads their \
-                 noise over all lines, so that its colour cannot weigh the lines. Leave noise= out: the standard errors \
-                 hold for noise of any colour"
-                    .into(),
-            ));
         }
         let pairs = Pairs::new(e);
         Ok(TermsFitter { isa, pairs, records, given, narrow, workers: Spare::new(), o })

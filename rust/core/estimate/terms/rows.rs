@@ -61,9 +61,8 @@ pub(crate) struct Spot {
     /// Standard deviation of a row under flat weights.
     flat: Vec<f64>,
     pub spectra: Spectra,
-    /// Root of the noise's power on the lines over its mean: of each noisy channel, and of each signal; none if white.
+    /// Root of the noise's power on the lines over its mean, of each noisy channel; none if white.
     pub colours: Vec<Vec<f64>>,
-    tints: Vec<Vec<f64>>,
     /// L on the lines, of each equation and noisy signal.
     loads: Vec<Split>,
     /// Equation error on the lines, of each equation.
@@ -163,7 +162,6 @@ impl Spot {
             flat,
             spectra: Spectra::default(),
             colours: Vec::new(),
-            tints: Vec::new(),
             loads: Vec::new(),
             error: vec![Split::zeros(count); equations],
             entries: Entries::default(),
@@ -284,7 +282,7 @@ impl Spot {
                 }
             }
         }
-        self.tint_loads(pairs);
+        self.colour_loads(e, pairs);
     }
 
     /// The least that a row's pivot may be: what rounding leaves, and next to nothing of what it is on the
@@ -330,7 +328,7 @@ impl Spot {
         lags: &[f64],
         factors: LeftColumns,
     ) {
-        self.denoise(isa, pairs, lags, factors);
+        self.denoise(isa, e, pairs, lags, factors);
         let count = self.count();
         self.more.resize(self.rows.len(), e.parameters);
         let (g, slopes) = values.split_at(e.terms.len());

@@ -8,34 +8,22 @@ use crate::estimate::terms::complex::C;
 use crate::estimate::terms::equations::Equations;
 use crate::estimate::terms::lines::Pairs;
 use crate::estimate::terms::sigma::root;
-use crate::simd::{LANES, Wide, numbers_mut};
+use crate::simd::{Wide, numbers_mut};
 
 impl Spot {
     /// The same rows in white noise.
     pub fn uncoloured(mut self) -> Spot {
         self.colours.clear();
-        self.tints.clear();
         self
     }
 
-    /// Takes the colour of each noisy channel.
-    pub fn set_colours(&mut self, e: &Equations, colours: Vec<Vec<f64>>) {
-        let white = vec![1.0; self.count()];
-        let own = |signal| channel(e, signal).map_or(&white, |c| &colours[c]).clone();
-        self.tints = (0..e.signals.len()).map(own).collect();
-        self.colours = colours;
-    }
-
     /// Colours L of each noisy signal.
-    pub(super) fn tint_loads(&mut self, pairs: &Pairs) {
-        if self.tints.is_empty() {
-            return;
-        }
-        let own = pairs.noisy.len();
-        for (k, load) in self.loads.iter_mut().enumerate() {
-            let tint = &self.tints[pairs.noisy[k % own]];
-            for part in [&mut load.re, &mut load.im] {
-                part.iter_mut().zip(tint).for_each(|(x, tint)| *x *= tint);
+    pub(super) fn colour_loads(&mut self, e: &Equations, pairs: &Pairs) {
+        for (load, signal) in self.loads.iter_mut().zip(pairs.noisy.iter().cycle()) {
+            if let Some(colour) = colour_of(&self.colours, e, *signal) {
+                for part in [&mut load.re, &mut load.im] {
+                    part.iter_mut().zip(colour).for_each(|(x, colour)| *x *= colour);
+                }
             }
         }
     }
@@ -121,12 +109,19 @@ fn channel(e: &Equations, signal: usize) -> Option<usize> {
     e.sensitivities.iter().find(|(own, _)| *own == signal).map(|(_, channel)| *channel)
 }
 
-/// Numbers of lines, all Re before all Im, times a colour.
-pub(super) fn tinted(noise: &mut [Wide], tint: &[f64]) {
-    let im = noise.len() / 2 * LANES;
-    let all = numbers_mut(noise);
-    for (m, tint) in tint.iter().enumerate() {
-        all[m] *= tint;
-        all[im + m] *= tint;
+/// Colour of a signal's noise on the lines; none where it is white.
+pub(super) fn colour_of<'a>(
+    colours: &'a [Vec<f64>],
+    e: &Equations,
+    signal: usize,
+) -> Option<&'a Vec<f64>> {
+    channel(e, signal).and_then(|own| colours.get(own))
+}
+
+/// Gives noise a colour: numbers of lines, all Re before all Im.
+pub(super) fn give(colour: &[f64], noise: &mut [Wide]) {
+    let (re, im) = noise.split_at_mut(noise.len() / 2);
+    for part in [re, im] {
+        numbers_mut(part).iter_mut().zip(colour).for_each(|(x, colour)| *x *= colour);
     }
 }

@@ -1,16 +1,24 @@
 //! The noise that explains the residuals best, and the lines of the signals without it.
 
 use super::Spot;
-use super::colour::tinted;
+use super::colour::{colour_of, give};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::terms::complex::{C, Split, late, loaded};
+use crate::estimate::terms::equations::Equations;
 use crate::estimate::terms::lines::{Pairs, Spectra};
 use crate::linalg::dense::back;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
 
 impl Spot {
     /// Coefficients of all signals on the lines, denoised where wanted.
-    pub(super) fn denoise(&mut self, isa: Isa, pairs: &Pairs, lags: &[f64], factors: LeftColumns) {
+    pub(super) fn denoise(
+        &mut self,
+        isa: Isa,
+        e: &Equations,
+        pairs: &Pairs,
+        lags: &[f64],
+        factors: LeftColumns,
+    ) {
         let (count, first) = (self.count(), self.lines.first);
         self.denoised.resize_with(self.spectra.signals.len(), Split::default);
         for (to, from) in self.denoised.iter_mut().zip(&self.spectra.signals) {
@@ -33,8 +41,8 @@ impl Spot {
                 count,
                 out: &mut self.noise,
             });
-            if let Some(tint) = self.tints.get(s) {
-                tinted(&mut self.noise, tint);
+            if let Some(colour) = colour_of(&self.colours, e, s) {
+                give(colour, &mut self.noise);
             }
             let to = &mut self.denoised[s];
             let (re, im) = numbers(&self.noise).split_at(self.noise.len() / 2 * LANES);
