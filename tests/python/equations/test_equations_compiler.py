@@ -476,7 +476,7 @@ def test_elimination_that_fails_says_why(texts, words, why):
 def test_elimination_gives_up_in_time():
     start = time.monotonic()
     rows = [f"x{k}' = x{k - 1}*x{k + 1} + a{k}*x{k}**3 + x1*x2*x3" for k in range(2, 7)]
-    with pytest.raises(mf.SpecError, match="not measured"):
+    with pytest.raises(mf.SpecError, match=r"not measured.*beyond what is tried"):
         mf.Equation(["x1' = x2*x3 + x6", *rows, "x7' = x1*x6"], outputs=["x1"]).compiled()
     assert time.monotonic() - start < 60
 

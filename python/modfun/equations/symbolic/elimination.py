@@ -14,7 +14,8 @@ from .words import said
 __all__ = ["NotEliminated", "TooHard", "eliminate"]
 
 MOST_SECONDS = 5.0
-MOST_OPERATIONS = 20_000
+MOST_TERMS = 5_000  # of a product before it is expanded; what succeeds has fewer than 100
+MOST_OPERATIONS = 2_000  # of what is factored
 MOST_DEGREE = 4  # of a resultant
 
 
@@ -110,30 +111,48 @@ def _without(f: sympy.Expr, g: sympy.Expr, z: str, moving: Moving, until: float)
         low, high = _order(f, z), _order(g, z)
         if min(low, high) < 0:
             return _simple(f if low < 0 else g, moving)
-        if monotonic() > until or max(sympy.count_ops(f), sympy.count_ops(g)) > MOST_OPERATIONS:
-            raise TooHard(
-                f"{z} is not measured, and eliminating it grows beyond what is tried ({MOST_SECONDS:.0f} s, "
-                f"{MOST_OPERATIONS} operations); measure it, or hold parameters at numbers"
-            )
+        if monotonic() > until:
+            raise _too_large(z)
         if low > high or (low == high and _degree(f, z, low) > _degree(g, z, high)):
             f, g, low, high = g, f, high, low
         top = jet(z, high)
         risen = moving.derivative(f, high - low)
         slope = sympy.diff(risen, top)
         if not slope.has(top):
-            solution = -sympy.expand(risen - slope * top) / slope
-            g = _numerator(g.xreplace({top: solution}))
+            rest = sympy.expand(risen - slope * top)
+            if _terms_after(g, top, rest, slope) > MOST_TERMS:
+                raise _too_large(z)
+            g = _numerator(g.xreplace({top: -rest / slope}))
         else:
             degrees = _degree(f, z, low), _degree(g, z, high)
             if not all(0 < d <= MOST_DEGREE for d in degrees):
                 raise TooHard(
                     f"{z} is not measured, and no equation can be solved for {top}: {said(f)} = 0; measure it"
                 )
+            if _terms(f) ** degrees[1] * _terms(g) ** degrees[0] > MOST_TERMS:
+                raise _too_large(z)
             f, g = sympy.expand(sympy.resultant(f, g, top)), f
         if g == 0 or f == 0:
             raise NotEliminated(
                 f"{z} is not measured, and two equations say the same about it; leave one out"
             )
+
+
+def _terms_after(g: sympy.Expr, top: sympy.Symbol, rest: sympy.Expr, slope: sympy.Expr) -> int:
+    """Terms of g, at most, once top = -rest/slope was put into it; SymPy cannot be stopped inside a step."""
+    degree = int(sympy.degree(g, top)) if g.is_polynomial(top) else 1
+    return _terms(g) * max(_terms(rest), _terms(slope)) ** degree
+
+
+def _terms(f: sympy.Expr) -> int:
+    return len(sympy.Add.make_args(sympy.expand(f)))
+
+
+def _too_large(z: str) -> TooHard:
+    return TooHard(
+        f"{z} is not measured, and eliminating it grows beyond what is tried ({MOST_SECONDS:.0f} s, "
+        f"{MOST_TERMS} terms); measure it, or hold parameters at numbers"
+    )
 
 
 def _undelayed(equations: list[sympy.Expr], z: str, moving: Moving) -> str:
@@ -187,7 +206,7 @@ def _simple(f: sympy.Expr, moving: Moving) -> sympy.Expr:
     numerator = sympy.Mul(*(b for b in sympy.Mul.make_args(whole) if moving.symbols(b)))
     symbols = moving.symbols(numerator)
     highest = max((order(s) for s in symbols), default=0)
-    if sympy.count_ops(numerator) > MOST_OPERATIONS // 10 or not numerator.is_polynomial(*symbols):
+    if sympy.count_ops(numerator) > MOST_OPERATIONS or not numerator.is_polynomial(*symbols):
         return sympy.expand(numerator)
     # With numbers for parameters, which is fast, a polynomial has as many factors as it has in general.
     rng = random.Random(0)
