@@ -127,30 +127,48 @@ def _masked(record: Samples) -> Iterator[str]:
 def _length(record: Samples) -> Iterator[str]:
     if len(record.t) < 50:
         yield f"There are only {len(record.t)} samples: expect wide intervals and a short band."
+
+    def slow(power: F64) -> bool:
+        return bool(power[:2].sum() > 0.9 * power.sum() and power[0] > power[1])
+
+    spectrum = spectrum_of(record)
     for name in record.outputs:
-        power = spectrum_of(record)[name] ** 2
+        power = spectrum[name] ** 2
         if not power.sum() > 0:
             continue
-        top = 1 + int(np.searchsorted(np.cumsum(power), 0.95 * power.sum()))
+        rises = _above_floor(power)
+        top = 1 + int(np.argmax(np.cumsum(rises) >= 0.95 * rises.sum()))
         if record.intervals / top < 6:
             yield (
                 f"Output {name!r}: 95 % of its power lies below {top} periods a record, which is "
                 f"{record.intervals / top:.1f} samples a period; noise covers it, or it is sampled too "
                 "slowly."
             )
-        if power[:2].sum() > 0.9 * power.sum() and power[0] > power[1]:
+        if slow(power) and not any(slow(spectrum[u] ** 2) for u in record.inputs):
             yield (
                 f"Output {name!r}: {100 * power[:2].sum() / power.sum():.0f} % of its power lies in the "
                 f"lowest two harmonics; {record.duration:.4g} s are short for its slow motion."
             )
 
 
+def _above_floor(power: F64) -> F64:
+    """Power without the noise that the upper half shows, unless there is hardly more."""
+    above = power - np.mean(power[power.size // 2 :])
+    return above if above.sum() > 0.2 * power.sum() else power
+
+
 def _constant(record: Samples, name: str) -> str:
     value = record[name][0]
     if name in record.outputs:
         return f"Output {name!r} is {value:g} throughout: it says nothing about the system."
+    begun = (
+        "; if it stepped there from 0 at the first sample, give initial_state='zero' to the fit"
+        if value
+        else ""
+    )
     return (
-        f"Input {name!r} is {value:g} throughout: no excitation, its numerator cannot be found; leave it out."
+        f"Input {name!r} is {value:g} throughout: no excitation, its numerator cannot be found; leave it "
+        f"out{begun}."
     )
 
 
@@ -279,6 +297,11 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         if not there.any():
             continue
         starts, lengths = runs(there)
+        if starts[0] == 0 and extreme == values[0]:  # at rest until the test begins
+            there[: lengths[0]] = False
+            starts, lengths = starts[1:], lengths[1:]
+            if not lengths.size:
+                continue
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
             cure = f" If so, leave them out, rec.weigh(mask=rec[{name!r}] != {extreme!r})."
@@ -324,10 +347,8 @@ def _outliers(record: Samples, name: str) -> Iterator[str]:
 def _trend(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
     spread, mean = float(values.std()), float(values.mean())
-    phase = (record.t - record.t[0]) / record.duration - 0.5
-    slope = float((phase - phase.mean()) @ values / ((phase - phase.mean()) @ phase))
-    explained = slope**2 * float(np.var(phase)) / spread**2
-    if explained > 0.5:
+    slope, explained = _slope(record, name)
+    if explained > 0.5 and not any(_slope(record, u)[1] > 0.5 * explained for u in record.inputs):
         yield (
             f"Output {name!r} drifts by {slope:.4g} over the record, {100 * explained:.0f} % of its "
             "variance; if the sensor drifts, fit with trend='linear'; if the system integrates, leave it."
@@ -337,6 +358,16 @@ def _trend(record: Samples, name: str) -> Iterator[str]:
             f"Output {name!r} has an offset: mean {mean:.4g}, rms about it {spread:.4g}; keep "
             f"trend='constant', the default of transfer functions; equations need it said."
         )
+
+
+def _slope(record: Samples, name: str) -> tuple[float, float]:
+    """Rise of a channel over the record by the line through it, and the part of its variance that this is."""
+    values = record[name]
+    phase = (record.t - record.t[0]) / record.duration - 0.5
+    phase = phase - phase.mean()
+    slope = float(phase @ values / (phase @ phase))
+    variance = float(values.var())
+    return slope, slope**2 * float(np.var(phase)) / variance if variance > 0 else 0.0
 
 
 def _noise(record: Samples) -> Iterator[str]:

@@ -19,6 +19,9 @@ def signals(seed=0):
     return np.sin(2 * T) + 0.1 * rng.standard_normal(N + 1), np.cos(3 * T)
 
 
+Y, U = signals()
+
+
 @pytest.fixture
 def rec():
     y, u = signals()
@@ -343,130 +346,6 @@ def test_noise_level_finds_the_noise_of_each_channel():
     assert table["noise_sd"][2] < 1e-3
     assert table["rms"] == pytest.approx([*y.std(axis=1), np.cos(2 * t).std()])
     assert table["percent"] == pytest.approx(100 * table["noise_sd"] / table["rms"])
-
-
-# Check: what it says -----------------------------------------------------------------------------
-
-Y, U = signals()
-
-
-def said(words, **record):
-    """Tell whether check() of a record has a sentence with these words."""
-    return words in Record(**{"dt": 0.02, **record}).check()
-
-
-def test_check_has_nothing_to_say_about_a_good_record(rec):
-    assert list(rec.check()) == []
-
-
-def test_check_held_input_declared_smooth():
-    steps = np.sign(np.sin(2 * T + 0.1))
-    (sentence,) = Record(y=Y, u=steps, dt=0.02, intersample="smooth").check()
-    assert "holds its value over 494 of 500 steps" in sentence
-    assert "intersample='zoh'" in sentence
-    assert not Record(y=Y, u=steps, dt=0.02, intersample="zoh").check()
-    assert said("intersample='zoh'", y=Y, u=np.repeat(signals(2)[0], 3)[: N + 1], intersample="smooth")
-
-
-def test_check_straight_lines_and_smooth_input_declared_held():
-    ramps = np.interp(T, [0, 1, 3, 4, 7, 10], [0, 2, -1, 0.5, 1.5, -2])
-    assert said("intersample='foh'", y=Y, u=ramps, intersample="smooth")
-    assert not Record(y=Y, u=ramps, dt=0.02, intersample="foh").check()
-    assert said("give intersample='smooth'", y=Y, u=U, intersample="zoh")
-
-
-def test_check_clipping():
-    (sentence,) = Record(y=np.minimum(Y, 0.8), u=U, dt=0.02).check()
-    assert "clipped" in sentence
-    assert "largest value 0.8" in sentence
-    (sentence,) = Record(y=np.maximum(Y, -0.8), u=U, dt=0.02).check()
-    assert "smallest value -0.8" in sentence
-    both = Record(y=np.clip(Y, -0.2, 0.2), u=U, dt=0.02)
-    assert (np.abs(both.y) == 0.2).mean() > 0.6
-    largest, smallest = (sentence for sentence in both.check() if "clipped" in sentence)
-    assert "its largest value 0.2" in largest
-    assert "its smallest value -0.2" in smallest
-    assert not any("clipped" in sentence for sentence in Record(y=np.sign(Y), u=U, dt=0.02).check())
-
-
-def test_check_angles_of_outputs_in_two_units():
-    rec = Record(y=[Y, Y], u=U, dt=0.02, outputs=["alpha", "q"], units={"alpha": "deg", "q": "rad/s"})
-    assert "Output 'alpha' is in deg and 'q' in rad/s" in list(rec.check())[-1]
-    assert not any("unit of angle" in sentence for sentence in rec.convert(q="deg/s").check())
-
-
-def test_check_steps_that_may_be_milliseconds():
-    sentence = (
-        "Steps of 20 are taken as seconds; if they are milliseconds, give dt=0.02, or the times in seconds."
-    )
-    assert sentence in list(Record(y=Y, u=U, dt=20).check())
-    assert sentence in list(Record(y=Y, u=U, t=20.0 * np.arange(Y.size)).check())
-    for step in (1, 0.02, 2.5):
-        assert not any("milliseconds" in sentence for sentence in Record(y=Y, u=U, dt=step).check())
-
-
-def test_check_codes_for_missing_values():
-    coded = Y.copy()
-    coded[[50, 51, 52, 300]] = -9999
-    assert said("4 samples are exactly -9999", y=coded, u=U)
-    assert said("rec.weigh(mask=rec['y'] != -9999)", y=coded, u=U)
-    assert said("fill them in", y=Y, u=coded)
-    steps = np.where(T > 5, 100.0, 0.0)  # two levels are a step
-    assert not said("missing values", y=Y, u=steps)
-
-
-def test_check_stale_samples():
-    assert said("74 % of its samples repeat", y=np.repeat(Y[::4], 4)[: N + 1], u=U)
-    frozen = Y.copy()
-    frozen[100:160] = frozen[100]
-    assert said("60 equal ones from t = 2 s", y=frozen, u=U)
-
-
-def test_check_constant_channels():
-    assert said("no excitation", y=Y, u=np.zeros(N + 1))
-    assert said("says nothing", y=[Y, 0 * Y], u=U)
-
-
-def test_check_noisy_outputs():
-    noise = np.random.default_rng(0).standard_normal(N + 1)
-    assert said("Output 'y' is noisy: standard deviation 0.5", y=np.sin(2 * T) + 0.5 * noise, u=U)
-    assert not said("noisy", y=np.sin(2 * T) + 0.1 * noise, u=U)
-
-
-def test_check_inputs_that_move_together():
-    assert said("move together (correlation -1.000)", y=Y, u=[U, -3 * U])
-
-
-def test_check_outliers_and_where():
-    spiked = Y.copy()
-    spiked[[50, 300]] += 8.0
-    assert said("2 outlying samples, the first at t = 1 s", y=spiked, u=U)
-
-
-def test_check_offset_and_drift():
-    assert said("offset: mean 50", y=Y + 50, u=U)
-    assert said("drifts by", y=Y + 2 * T, u=U)
-
-
-def test_check_gaps_and_uneven_steps():
-    t = T.copy()
-    t[250:] += 2.0
-    assert said("1 gap, the longest of 2.02 s at t = 4.98 s where 0.02 s is usual", y=Y, dt=None, t=t)
-    jitter = 0.005 * np.random.default_rng(0).uniform(-1, 1, N + 1)
-    assert said("give dt= instead", y=Y, dt=None, t=T + jitter)
-
-
-def test_check_short_slow_and_noisy_records():
-    assert said("only 20 samples", y=Y[:20])
-    assert said("short for its slow motion", y=np.sin(0.3 * T))
-    assert said("samples a period", y=np.random.default_rng(0).standard_normal(N + 1))
-
-
-@pytest.mark.parametrize("u", [np.zeros(8), np.arange(8.0), 1e150 * np.arange(8), 1e-150 * np.arange(8)])
-def test_check_never_fails_on_odd_records(u):
-    rng = np.random.default_rng(5)
-    assert Record(y=rng.standard_normal(8), u=u, dt=1e-9).check()
-    assert Record(y=u, t=np.cumsum(rng.uniform(1, 2, 8))).check()
 
 
 # Plots -------------------------------------------------------------------------------------------

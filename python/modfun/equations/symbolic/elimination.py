@@ -141,7 +141,7 @@ def _without(f: sympy.Expr, g: sympy.Expr, z: str, moving: Moving, until: float)
 def _terms_after(g: sympy.Expr, top: sympy.Symbol, rest: sympy.Expr, slope: sympy.Expr) -> int:
     """Terms of g, at most, once top = -rest/slope was put into it; SymPy cannot be stopped inside a step."""
     degree = int(sympy.degree(g, top)) if g.is_polynomial(top) else 1
-    return _terms(g) * max(_terms(rest), _terms(slope)) ** degree
+    return int(_terms(g) * max(_terms(rest), _terms(slope)) ** degree)
 
 
 def _terms(f: sympy.Expr) -> int:
