@@ -495,9 +495,9 @@ every record, and rightly: classical standard errors do not hold then.
   residuals do not tell. `rec.check()` sees it in the samples of the input.
 * A chirp passes each frequency once, so that a system that changes in time cannot be told from one of higher
   order. The set-ups with changing stiffness are driven by seven sines.
-* Equations and state spaces are tested for events, neighbouring lines, colour and level. Where the level
-  speaks, the fit tries lags, delays, levers, missing terms and a drift, of one parameter each, and estimates
-  the numbers in the equations.
+* Equations and state spaces are tested for events, neighbouring lines, colour and level, linear ones also for
+  a channel recorded late or early. Where the level or that test speaks, the fit tries lags, delays, levers,
+  missing terms, a drift and a shift of a channel, of one parameter each, and estimates the numbers in the equations.
 """
 
 Rows = list[tuple[str, dict[str, Any]]]

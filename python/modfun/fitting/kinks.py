@@ -84,7 +84,7 @@ def _settled(
         sizes.append(float(np.max(step, initial=0.0)))
         if not sizes[-1] <= sizes[max(len(sizes) - 2, 0)]:  # nor is nan
             return None
-        now = replace(after, records=records)
+        now = replace(after, records=records, unfolded=smooth)
     closer = sizes[-1] < max(SETTLED, LESS * sizes[0])  # nan is not
     return replace(now, band_rule=start.band_rule) if closer else None
 

@@ -11,7 +11,7 @@ from ..base.progress import Progress
 from ..base.words import STATUS
 from ..errors import DataError
 from ..models.options import Options
-from ..models.process import with_inputs
+from ..models.process import refuse_unknown, with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.corners import driving
@@ -41,6 +41,7 @@ def fit_batch(
     if not isinstance(data, Batch):
         data = tuple([with_inputs(rec, options.noise) for rec in data])
         if not isinstance(structure, TransferFunction):
+            refuse_unknown(options.noise, structure.inputs)
             data = tuple([structure.own_channels(rec) for rec in data])
     sample = data if isinstance(data, Batch) else data[:1]
     made: Prepared | PreparedEquation

@@ -16,7 +16,7 @@ from ..equations.layout import EquationLayout, layout_of
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
-from ..models.process import with_inputs
+from ..models.process import refuse_unknown, with_inputs
 from ..records.batches import Batch
 from ..records.corners import driving
 from ..records.forms import forms_of
@@ -140,6 +140,7 @@ def fit_equation(
     `again` makes others like it; `levels`: noise of the outputs where more is known than the high band shows;
     `starts`: values of the parameters from which the search begins.
     """
+    refuse_unknown(options.noise, structure.inputs)
     records = tuple([structure.own_channels(with_inputs(rec, options.noise)) for rec in records])
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from ..base.arguments import public, real, reals, whole
+from ..base.names import nearest
 from ..errors import SpecError
 from ..records.record import Record
 from ..systems.lti import LTI
 from ..systems.making import linear, tf
 
-__all__ = ["Numerator", "ProcessNoise", "dryden", "with_inputs"]
+__all__ = ["Numerator", "ProcessNoise", "dryden", "refuse_unknown", "with_inputs"]
 
 Filter = tuple[tuple[float, ...], tuple[float, ...]]
 MOST = 2  # degree of a numerator that is estimated
@@ -226,6 +227,17 @@ def with_inputs(rec: Record, noise: Any) -> Record:
         intersample=(*rec.intersample, *["smooth"] * len(names)),
         _functions=rec._functions,
     )
+
+
+def refuse_unknown(noise: Any, inputs: Sequence[str]) -> None:
+    """Refuse noise through what is no input of equations or a state space."""
+    for name in noise.names if isinstance(noise, ProcessNoise) else ():
+        if name not in inputs:
+            raise SpecError(
+                f"fit: noise=mf.ProcessNoise({name}=...): the model has no input {name!r}; "
+                f"{nearest(name, inputs)}. Write it into the model as an input that nobody measured, or take "
+                'noise="process", one cause in each equation'
+            )
 
 
 def _power(k: int) -> str:

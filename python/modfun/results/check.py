@@ -36,6 +36,7 @@ from .estimates import Estimates
 from .feedback import feedback
 from .held_numbers import contradicted_numbers
 from .known_start import gain_of_start, off_zero
+from .late_channels import late_channel
 from .misfit import UNLIKELY, misfit, of_colour, of_residuals, of_tone
 from .undeclared import undeclared
 from .uneven_noise import of_time
@@ -107,7 +108,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     offset, mean, repeated, not_from_zero, noise_bends, on_bound, misbegun, unexpected, in_two_units,
-    contradicted_numbers, missing_input, unexplained, fed_back, unsettled, unstable, condition, undeclared,
+    contradicted_numbers, missing_input, late_channel, unexplained, fed_back, unsettled, unstable, condition,
+    undeclared,
 )  # fmt: skip
 
 
@@ -129,8 +131,9 @@ def check(fit: Estimates, line: str) -> Findings:
         said = {look: look(fit) for look in LOOKS if look is not unexplained}
         found = list(said.values())
         note = noise_free(fit)
-        told = any(said[look] for look in (contradicted_numbers, missing_input))
-        if note is None and not told:  # residuals of another model than the record has say no more
+        told = [said[look] for look in (contradicted_numbers, missing_input, late_channel)]
+        # Residuals of another model than the record has say no more.
+        if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(fit)
             residual = of_residuals(fit, d)
             found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []

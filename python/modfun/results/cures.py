@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf, isfinite, log, pi
 from typing import Any
 
@@ -18,11 +18,13 @@ from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
 from .neighbours import EXTRA, neighbours, with_offset
+from .shifts import Shift, likeliest_shift
 
 __all__ = [
     "CLOSE",
     "ENOUGH",
     "Cure",
+    "Realigned",
     "again",
     "best_cure",
     "bic_beside",
@@ -32,6 +34,7 @@ __all__ = [
     "offset_of",
     "on_band",
     "otherwise",
+    "realigned",
     "rewritten",
     "with_drift",
 ]
@@ -42,6 +45,11 @@ WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evi
 ENOUGH = 0.01  # probability of a chi-square as large: a cure that leaves more leaves the noise
 RADIAN = 0.5  # of the highest line: delays tried first are so far apart,
 BEYOND = 10  # and so many of them later than the best one
+STEPS = 3  # in which a shift is found
+SUREST = 1e-4  # p-value of the level of residuals below which shifts further away are tried,
+FAR = (2, 4, 8, -2, -4, -8)  # these, in samples
+FURTHEST = 0.05  # of the record
+ALIGNED = 0.1  # samples from whole ones, which are exact
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -56,6 +64,14 @@ class Cure:
     before: float
     after: float
     level_p: float
+
+
+@dataclass(frozen=True)
+class Realigned(Cure):
+    """That one channel is read at another time: by how much it was late, and the fit so."""
+
+    shift: Shift
+    fit: Estimates
 
 
 def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
@@ -84,7 +100,7 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
 
 
 def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
-    """The same of equations and state spaces: one parameter more, or a drift of each equation.
+    """The same of equations and state spaces: one parameter more, a drift of each equation, or a shift.
 
     `first_only`: missing terms, of which there are many, are not tried.
     """
@@ -94,6 +110,9 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
     found = with_drift(fit) if fit.trend == "constant" else None
     if found is not None and not found.after < before - WORTH:
         found = None
+    moved = realigned(fit)
+    if moved is not None and moved.after < (found.after - CLOSE if found else before - WORTH):
+        found = moved
     for group in neighbours(fit)[: 1 if first_only else None]:
         best = found.after - CLOSE if found else before - WORTH
         for words, structure in group:
@@ -101,7 +120,10 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
             if other is None or EXTRA in other.at_bound:
                 continue
             after = bic_beside(other, fit)
-            if not (isfinite(after) and after < best) or _odd_time(fit, words, other[EXTRA]):
+            # Off the centre of gravity is a likelier place than a time off all the others.
+            lever = moved is not None and moved is found and words.startswith("lever")
+            bar = moved.after + CLOSE if moved and lever else best
+            if not (isfinite(after) and after < bar) or _odd_time(fit, words, other[EXTRA]):
                 continue
             if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
                 continue
@@ -110,6 +132,73 @@ def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
         if found is not None and found.level_p > ENOUGH:
             break
     return found
+
+
+def realigned(fit: Estimates) -> Realigned | None:
+    """The fit with the channel that is likeliest late or early read at its time; None where none is.
+
+    An input that acts late is not meant: that is a delay, which a structure has.
+    """
+    shift, records = likeliest_shift(fit), fit.records or ()
+    refuted = level_p(fit) < SUREST
+    if shift is None or fit.again is None or (shift.p_value > ENOUGH and not refuted):
+        return None
+    if shift.channel in fit.inputs and shift.late < 0:
+        return None
+    found = _read_at(fit, shift, shift.late)
+    if not refuted or (found and found.level_p > ENOUGH):
+        return found
+    # Far from its time the first step of the search may go anywhere.
+    steps = [k * (records[0].dt or inf) for k in FAR if k > 0 or shift.channel in fit.outputs]
+    tried = [found, *(_read_at(fit, shift, step) for step in steps)]
+    return min((one for one in tried if one), key=lambda one: one.after, default=None)
+
+
+def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
+    """The same, searched by steps of the score test from a shift on."""
+    name, records = shift.channel, fit.records or ()
+    step, error = records[0].dt or inf, shift.error
+    held = name in fit.inputs and fit.intersample[fit.inputs.index(name)] != "smooth"
+    other, seen = fit, late
+    for count in range(STEPS):
+        near = round(late / step) * step
+        late = near if held or (near and abs(late - near) < max(2 * error, ALIGNED * step)) else late
+        if not late or (name in fit.inputs and late < 0):
+            return None
+        words, moved = _earlier_by(records, name, late, whole=late == near)
+        made = again(fit, moved, fit.structure, on_band(fit, fit.band))
+        if made is None or abs(late) > FURTHEST * min(rec.duration for rec in records):
+            return None
+        other, left = made, likeliest_shift(made, name)
+        if left is None:
+            return None
+        seen, error = late + left.late, left.error
+        if left.p_value > ENOUGH and (late == near or count):
+            break
+        late = seen
+    after = bic_beside(other, fit) + log(fit.df_resid + fit.params.size)  # the shift is a parameter
+    found = replace(shift, late=seen, error=error)
+    return Realigned(words, bic_beside(fit, fit), after, level_p(other), found, other)
+
+
+def _earlier_by(
+    records: tuple[Record, ...], name: str, late: float, *, whole: bool
+) -> tuple[str, tuple[Record, ...]]:
+    """Records with a channel at its own time, in words and made so.
+
+    Straight lines between samples would take from the noise, by which levels are seen.
+    """
+    from scipy.interpolate import CubicSpline
+
+    at = f"rec.t {'+' if late > 0 else '-'} {abs(late):.4g}"
+    if whole:
+        moved = [np.interp(rec.t + late, rec.t, rec[name]) for rec in records]
+        words = f"rec.assign({name}=np.interp({at}, rec.t, rec[{name!r}]))"
+    else:
+        moved = [CubicSpline(rec.t, rec[name])(rec.t + late) for rec in records]
+        words = f"rec.assign({name}=scipy.interpolate.CubicSpline(rec.t, rec[{name!r}])({at}))"
+    rows: list[dict[str, Any]] = [{name: row} for row in moved]
+    return words, tuple([rec.assign(**row) for rec, row in zip(records, rows, strict=True)])
 
 
 def _odd_time(fit: Estimates, words: str, value: float) -> bool:

@@ -46,6 +46,13 @@ def misfit(fit: Estimates) -> Doubt | None:
 
 def suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
+    kept = fit.__dict__.get("_suspicious")  # several looks ask
+    if kept is None:
+        kept = fit.__dict__["_suspicious"] = _odd(fit)
+    return bool(kept)
+
+
+def _odd(fit: Estimates) -> bool:
     level = level_p(fit)
     if (
         level < (LOOK if fit.layout.rational else _plausible(fit)) or level > 1 - LOOK

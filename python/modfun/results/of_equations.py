@@ -48,6 +48,8 @@ class EquationFit(Fit):
         standard deviation of the noise, over first ones. Beyond 0.5 the criterion says nothing of these.
     unnamed : tuple of Record
         The records where they have inputs that the equations do not name; else none.
+    unfolded : tuple of Record
+        The records without what sampling folds into the lines under held inputs, where that was taken out.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
@@ -55,6 +57,7 @@ class EquationFit(Fit):
     seen: F64 = field(default_factory=lambda: np.empty((0, 0)))
     bend: float = 0.0
     unnamed: tuple[Record, ...] = ()
+    unfolded: tuple[Record, ...] = ()
 
     @property
     def trend(self) -> str | None:

@@ -137,3 +137,17 @@ def test_the_factor_has_the_spectrum(levels: tuple[float, ...]) -> None:
 def test_what_is_refused(call: Any, text: str) -> None:
     with pytest.raises(mf.SpecError, match=text):
         call()
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_noise_through_what_is_no_input_of_the_model_is_refused(many):
+    one = mf.simulate(mf.tf([5], DEN), input="sin(t**2/5)", duration=10, intervals=256, nsr=0.05, seed=0)
+    data, fitted = ([one, one], mf.fit_many) if many else (one, mf.fit)
+    plain = mf.StateSpace([[0, 1], ["k", "d"]], [[0], ["b"]], C=[[1, 0]], inputs=["u"])
+    with pytest.raises(mf.SpecError, match=r"no input 'gust'; there are: u\. Write it into the model"):
+        fitted(data, plain, noise=mf.ProcessNoise(gust=mf.dryden(1.0)))
+    gusty = mf.StateSpace([[0, 1], ["k", "d"]], [[0, 0], ["b", "k"]], C=[[1, 0]], inputs=["u", "gust"])
+    with pytest.raises(mf.SpecError, match=r"no input 'gsut'; did you mean 'gust'\?"):
+        fitted(data, gusty, noise=mf.ProcessNoise(gsut=mf.dryden(1.0)))
+    with pytest.raises(mf.SpecError, match=r"no input 'v'; there are: u, w"):
+        fitted(data, MODEL, noise=mf.ProcessNoise(v=1.0))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Mapping, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 
 import numpy as np
 import sympy
@@ -39,15 +39,29 @@ def numbers(matrix: Matrix, params: Params, given: Mapping[str, float]) -> NDArr
     SpecError
         An entry without a finite value at these numbers.
     """
-    values = {parameter(name): sympy.Float(value, 17) for name, value in given.items()}
-    made = _symbolic(matrix, params)
-    try:
-        entries = [float(entry.xreplace(values)) for entry in made]
-    except TypeError:
-        entries = [np.nan]
+    values: dict[sympy.Symbol, sympy.Float] = {}
+    entries = []
+    for entry in _entries(matrix, params):
+        if isinstance(entry, sympy.Expr):
+            values = values or {parameter(name): sympy.Float(value, 17) for name, value in given.items()}
+            try:
+                entries.append(float(entry.xreplace(values)))
+            except TypeError:
+                entries.append(np.nan)
+        else:
+            entries.append(given.get(entry, np.nan) if isinstance(entry, str) else entry)
     if not np.all(np.isfinite(entries)):
         raise SpecError(f"StateSpace.model: an entry has no finite value at {dict(given)}")
-    return np.array(entries).reshape(made.shape)
+    return np.array(entries, dtype=np.float64).reshape(len(matrix), len(matrix[0]))
+
+
+@lru_cache(128)
+def _entries(matrix: Matrix, params: Params) -> tuple[float | str | sympy.Expr, ...]:
+    """Entries row after row: numbers, names of parameters that stand alone, and expressions."""
+    return tuple([
+        float(entry) if entry.is_Rational or entry.is_Float else entry.name if entry.is_Symbol else entry
+        for entry in _symbolic(matrix, params)
+    ])  # fmt: skip
 
 
 def derivatives(matrix: Matrix, params: Params, given: Mapping[str, float]) -> NDArray[np.float64]:

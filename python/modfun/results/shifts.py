@@ -1,0 +1,328 @@
+"""Channels recorded late or early beside the others: a score test of linear equations and state spaces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from .._core import coefficients
+from ..base.arrays import C128, F64
+from ..models.noise import Noise
+from ..records.corners import driving
+from ..records.record import Record
+from .estimates import Estimates
+
+__all__ = ["Shift", "likeliest_shift"]
+
+ASKED = 0.01  # p-value in white noise below which the noise's colour is looked at
+FINE = 40  # samples per period of the highest line, beyond which kinks of held inputs are below the noise
+BESIDE = 4  # lines on either side over which the power of residuals is smoothed
+TOLD = 1e-6  # part of a column's square that parameters leave of it, below which no record tells the shift
+ROUNDING = 1e-13
+FUNCTIONS = {"ln": "log"} | {name: name for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp")}
+FUNCTIONS |= {name: name for name in ("sqrt", "abs")}
+
+
+@dataclass(frozen=True)
+class Shift:
+    """The channel whose shift in time explains most of the residuals.
+
+    Attributes
+    ----------
+    channel : str
+    late : float
+        By how much it was recorded late beside the others, s; negative: early.
+    error : float
+        Standard error of that, in noise whose level changes over the band.
+    p_value : float
+        Of a t test, times the number of channels.
+    """
+
+    channel: str
+    late: float
+    error: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Linear equations with numbers, Σ g s^k V = 0 on every line.
+
+    Attributes
+    ----------
+    of : list of int
+        Channel of each signal that moves, outputs first.
+    rows : list of int
+        Where it stands among the channels of the formulas.
+    kinds : list of sequence of str
+        How it is summed, in all records or in each.
+    late : list of float
+        Its delay, s.
+    weights : ndarray, shape (1 + p + channel, equation, order * signal)
+        g, and its derivatives to parameters and to how late each channel was recorded.
+    """
+
+    of: list[int]
+    rows: list[int]
+    kinds: list[Sequence[str]]
+    late: list[float]
+    weights: F64
+
+
+def likeliest_shift(fit: Estimates, channel: str = "") -> Shift | None:
+    """The likeliest channel of a linear fit to be late or early, or how late one is; None if none is tested.
+
+    With P(s) Y + Q(s) U = 0 the equations and Σ the noise of the outputs, Σ^(-1/2) P^(-1) (P Y + Q U) are
+    whitened residuals. A channel that was recorded τ late stands in the equations times exp(s τ). Residuals
+    are regressed on their derivatives to τ, beside those to parameters and what transients and ends of the
+    record add, one channel at a time. For derivatives outputs stand without their residuals, which are noise.
+    """
+    channels = [*fit.outputs, *fit.inputs]
+    if len(channels) < 2 or not _testable(fit):
+        return None
+    model = _linear(fit)
+    if model is None:
+        return None
+    asked = [name for name in channels if channel in ("", name)]
+    if asked == channels and len(channels) == 2 and fit.inputs:
+        asked = channels[1:]  # the output's shift is the input's
+    found = None if channel else _tested(fit, model, asked, exact=False)
+    if not channel and (found is None or found.p_value >= ASKED):
+        return found
+    return _tested(fit, model, asked, exact=True)
+
+
+def _tested(fit: Estimates, model: _Linear, asked: Sequence[str], *, exact: bool) -> Shift | None:
+    """The regression for these channels.
+
+    `exact`: with corners of inputs and the colour of the noise, which a first look omits.
+    """
+    parts = [part for k in range(len(fit.lines)) if (part := _columns(fit, model, k, exact)) is not None]
+    columns = np.concatenate(parts, axis=1) if len(parts) == len(fit.lines) else np.zeros((1, 1))
+    sizes = np.sqrt(np.einsum("pn,pn->p", columns, columns))
+    if not 0 < sizes[-1] < np.inf:
+        return None
+    used = fit.params.size
+    sizes[sizes == 0] = 1.0
+    columns /= sizes[:, None]
+    gram = columns @ columns.T
+    gram[range(used), range(used)] += ROUNDING  # of a parameter without effect
+    beside = gram[used:, used:] - gram[used:, :used] @ np.linalg.solve(gram[:used, :used], gram[:used, used:])
+    squares, along = np.diag(beside)[:-1], beside[:-1, -1]
+    ends = sum(fit.layout.orders) + len(fit.layout.orders) * (1 + (fit.trend == "linear"))
+    df = columns.shape[1] - ends * len(parts) - used - 1
+    channels = (*fit.outputs, *fit.inputs)
+    told = (squares > TOLD) & np.array([name in asked for name in channels])
+    if df < 1 or not told.any():
+        return None
+    gains = np.where(told, along**2 / np.where(told, squares, 1.0), 0.0)
+    at = int(np.argmax(gains))
+    late = along[at] / squares[at]
+    variance = max(float(beside[-1, -1] - gains[at]), 0.0) / df / squares[at]
+    if exact:
+        q = np.linalg.qr(columns[:used].T)[0]
+        column, e = (x - q @ (q.T @ x) for x in (columns[used + at], columns[-1]))
+        lines = [part.shape[1] // (2 * len(fit.outputs)) for part in parts]
+        local = _smooth(e - late * column, lines, len(fit.outputs)) * e.size / df
+        variance = max(variance, float(column**2 @ local) / squares[at] ** 2)
+    if not variance > 0:
+        return None
+    error, scale = float(np.sqrt(variance)), float(sizes[-1] / sizes[used + at])
+    p = _p_value(late / error, df) * int(told.sum())
+    return Shift(channels[at], float(late) * scale, error * scale, min(p, 1.0))
+
+
+def _p_value(t: float, df: int) -> float:
+    from scipy.special import stdtr
+
+    return 2 * float(stdtr(df, -abs(t)))
+
+
+def _testable(fit: Estimates) -> bool:
+    """Whether residuals of the outputs are those of noise on even samples."""
+    noise, records = fit.options.noise, fit.records or ()
+    return (
+        not fit.layout.rational
+        and (noise in ("output", "coloured") or (isinstance(noise, Noise) and noise.u is None))
+        and fit.options.method in ("awls", "ml")
+        and not (fit.with_past or fit.instrumented)
+        and len(fit.row_names) == len(fit.outputs)
+        and len(records) == len(fit.lines) > 0
+        and all([rec.dt is not None and rec.mask is None and rec.sigma is None for rec in records])
+        and all([level > 0 for level in fit.noise_cov.diagonal().tolist()])
+        and (bool(_unfolded(fit)) or not _kinked(fit))
+    )
+
+
+def _unfolded(fit: Any) -> tuple[Record, ...]:
+    """Records without what sampling folds into lines under held inputs, of fits that took it out."""
+    found: tuple[Record, ...] = fit.unfolded
+    return found
+
+
+def _kinked(fit: Estimates) -> bool:
+    """Whether held inputs, or ones known at all times, put kinks into outputs between their samples."""
+    step = max([rec.dt or 0.0 for rec in fit.records or ()])
+    held = any([rec.functions or "zoh" in rec.intersample for rec in fit.records or ()])
+    return held and fit.band[1] * step * FINE > 2 * np.pi
+
+
+def _linear(fit: Estimates) -> _Linear | None:
+    """The equations with their estimates; None where a signal is more than a channel."""
+    layout: Any = fit.layout
+    signals = _signals(layout)
+    if signals is None:
+        return None
+    words, params, size = layout.formulas.words, fit.params.tolist(), fit.params.size
+    of, rows, chosen = signals
+    at = {j: place for place, j in enumerate(chosen)}
+    values = _values(words["coefficients"], params)
+    terms, shape = words["terms"], (len(layout.orders), max(layout.orders) + 2, len(of))
+    weights = np.zeros((1 + size + len(fit.outputs) + len(fit.inputs), *shape))
+    given = [words["signals"][j] for j in chosen]
+    for (equation, j, order), value in zip(terms, values, strict=False):
+        if j in at:
+            weights[0, equation, order, at[j]] += value
+            weights[1 + size + of[at[j]], equation, order + 1, at[j]] -= value
+            if (p := given[at[j]][2]) is not None:
+                weights[1 + p, equation, order + 1, at[j]] -= value
+    for (term, p), slope in zip(words["slopes"], values[len(terms) :], strict=True):
+        equation, j, order = terms[term]
+        if j in at:
+            weights[1 + p, equation, order, at[j]] += slope
+    return _Linear(
+        of,
+        rows,
+        [kinds for kinds, _, _ in given],
+        [delay if p is None else params[p] for _, delay, p in given],
+        weights.reshape(*weights.shape[:2], -1),
+    )
+
+
+@lru_cache(32)
+def _signals(layout: Any) -> tuple[list[int], list[int], list[int]] | None:
+    """Channels of signals that move, their rows among the formulas' channels, and which signals these are."""
+    formulas, found = layout.formulas, list[tuple[int, int, int]]()
+    if formulas.words["signal_slopes"] or tuple(formulas.noisy) != layout.outputs:
+        return None
+    operations, results = formulas.words["formulas"]
+    for j, result in enumerate(results[: len(formulas.words["signals"])]):
+        name, _, row, _ = operations[result]
+        if name == "constant":
+            continue  # nothing on lines but line 0
+        if name != "input" or row >= len(formulas.channels):
+            return None
+        channel = formulas.channels[row]
+        if channel.late or channel.kind not in ("output", "input", "held"):
+            return None
+        found.append((channel.of + (0 if channel.kind == "output" else len(layout.outputs)), row, j))
+    of, rows, chosen = (list(part) for part in zip(*found, strict=True))
+    return of, rows, chosen
+
+
+def _values(tape: tuple[Any, Sequence[int]], params: Sequence[float]) -> list[float]:
+    """What a tape makes of parameters; nan where it holds a function that coefficients rarely have."""
+    found: list[float] = []
+    operations, results = tape
+    for name, value, a, b in operations:
+        if name == "constant":
+            found.append(value)
+        elif name == "input":
+            found.append(params[a])
+        elif name == "add":
+            found.append(found[a] + found[b])
+        elif name == "multiply":
+            found.append(found[a] * found[b])
+        elif name == "divide" and found[b]:
+            found.append(found[a] / found[b])
+        elif name == "whole" and (found[a] or value > 0):
+            found.append(found[a] ** int(value))
+        else:
+            found.append(float(getattr(np, FUNCTIONS[name])(found[a])) if name in FUNCTIONS else float("nan"))
+    return [found[at] for at in results]
+
+
+def _columns(fit: Estimates, model: _Linear, k: int, exact: bool) -> F64 | None:
+    """Columns (parameters, shifts, residuals) of a record over its lines, without what its ends explain.
+
+    Real parts of all outputs, line after line, then imaginary ones; None where the equations are singular.
+    """
+    rec: Any = (_unfolded(fit) or fit.records or ())[k]
+    layout: Any = fit.layout
+    low, high = max(fit.lines[k][0], 1), fit.lines[k][1]
+    outputs = len(fit.outputs)
+    powers, shapes = _powers(low, high, fit.omega0[k], max(layout.orders) + 2)
+    s = powers[1]
+    u = driving(rec, fit.options.rule) if exact or rec.functions else rec.u
+    rows = layout.formulas.rows(rec.y, u, rec.t, record=k)[model.rows]
+    kinds = [kinds[k if len(kinds) > 1 else 0] for kinds in model.kinds]
+    delays = [late / rec.dt for late in model.late]
+    start = rec.intervals - fit.intervals[k]
+    v = coefficients(np.ascontiguousarray(rows), high, kinds, delays, start, None)[:, low:]
+    turned = [np.exp(-s * late) if late else 1.0 for late in model.late]
+    own = [(j, channel) for j, channel in enumerate(model.of) if channel < outputs]
+    each = model.weights[0].reshape(outputs, len(powers), -1).transpose(0, 2, 1) @ powers
+    p = np.zeros((outputs, outputs, s.size), complex)  # equation, output
+    for j, channel in own:
+        p[:, channel] += each[:, j] * turned[j]
+    noise_cov = fit.noise_cov
+    if fit.record_levels is not None:
+        noise_cov = noise_cov * np.outer(fit.level_ratios[k], fit.level_ratios[k])
+    try:
+        factor = np.linalg.cholesky(noise_cov)
+        whiten: C128 = np.linalg.inv(p.transpose(2, 0, 1) @ factor).transpose(1, 2, 0)
+    except np.linalg.LinAlgError:
+        return None
+    e = model.weights[0] @ (powers[:, None] * v).reshape(-1, s.size)
+    whitened = np.concatenate([(z := (whiten * e).sum(axis=1).ravel()).real, z.imag])
+    if not np.isfinite(whitened).all():
+        return None
+    # A derivative more than the equations have is that of a channel's shift.
+    ends = [whiten[:, row] * shapes[j] for row, order in enumerate(layout.orders) for j in range(order + 1)]
+    if fit.trend == "linear":
+        ends += [whiten[:, row] / shapes[1] for row in range(outputs)]
+    basis = _real(np.array(ends))
+    basis /= np.sqrt(np.einsum("pn,pn->p", basis, basis))[:, None]
+    q = np.linalg.qr(basis.T)[0]
+    whitened -= q @ (q.T @ whitened)
+    half = whitened.size // 2
+    noise = factor @ (whitened[:half] + 1j * whitened[half:]).reshape(outputs, -1)
+    for j, channel in own:
+        v[j] -= turned[j] * noise[channel]
+    found = model.weights[1:] @ (powers[:, None] * v).reshape(-1, s.size)
+    columns = _real((whiten[None] * found[:, None]).sum(axis=2))
+    columns -= (columns @ q) @ q.T
+    return np.concatenate([columns, whitened[None]])
+
+
+@lru_cache(32)
+def _powers(low: int, high: int, omega0: float, count: int) -> tuple[C128, C128]:
+    """Powers of s on lines, (power, line), and the same with 1 at the highest line."""
+    s = 1j * omega0 * np.arange(low, high + 1)
+    powers = np.asarray(s ** np.arange(count)[:, None], dtype=np.complex128)
+    return powers, np.asarray(powers / np.abs(powers[:, -1:]))
+
+
+def _real(rows: C128) -> F64:
+    """Real parts and imaginary parts of (row, output, line), side by side."""
+    flat = rows.reshape(len(rows), -1)
+    return np.concatenate([flat.real, flat.imag], axis=1)
+
+
+def _smooth(e: F64, lines: Sequence[int], outputs: int) -> F64:
+    """Mean square of residuals near each line, in the places of `_columns`."""
+    found, start = [], 0
+    for count in lines:
+        stop = start + 2 * outputs * count
+        power = np.mean(e[start:stop].reshape(2, outputs, count) ** 2, axis=0)
+        sums = np.concatenate([np.zeros((outputs, 1)), np.cumsum(power, axis=1)], axis=1)
+        at = np.arange(count)
+        first, last = np.maximum(at - BESIDE, 0), np.minimum(at + BESIDE + 1, count)
+        mean = (sums[:, last] - sums[:, first]) / (last - first)
+        found.append(np.tile(mean.ravel(), 2))
+        start = stop
+    return np.concatenate(found)
