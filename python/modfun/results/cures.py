@@ -46,7 +46,7 @@ ENOUGH = 0.01  # probability of a chi-square as large: a cure that leaves more l
 RADIAN = 0.5  # of the highest line: delays tried first are so far apart,
 BEYOND = 10  # and so many of them later than the best one
 STEPS = 3  # in which a shift is found
-SUREST = 1e-4  # p-value of the level of residuals below which shifts further away are tried,
+SUREST = 1e-4  # p-value of the level of residuals below which shifts further away are tried, and of one,
 FAR = (2, 4, 8, -2, -4, -8)  # these, in samples
 FURTHEST = 0.05  # of the record
 ALIGNED = 0.1  # samples from whole ones, which are exact
@@ -151,7 +151,9 @@ def realigned(fit: Estimates) -> Realigned | None:
     # Far from its time the first step of the search may go anywhere.
     steps = [k * (records[0].dt or inf) for k in FAR if k > 0 or shift.channel in fit.outputs]
     tried = [found, *(_read_at(fit, shift, step) for step in steps)]
-    return min((one for one in tried if one), key=lambda one: one.after, default=None)
+    best = min((one for one in tried if one), key=lambda one: one.after, default=None)
+    # Of several shifts one explains a little of noise that drives the system.
+    return best if best and (shift.p_value < SUREST or convincing(fit, best)) else None
 
 
 def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:

@@ -38,7 +38,7 @@ def late_channel(fit: Estimates) -> Doubt | None:
     if word and (found := _declared(fit, shift.channel, word)) is not None:
         return Doubt(_told(fit, shift) + _first(found), sure)
     # A lever, a lag or a term may look like a shift, and explain more.
-    cure = of_written(fit, first_only=True) if sure else None
+    cure = of_written(fit, first_only=not level_p(fit) < SURE) if sure else None
     if cure is None:
         cure = realigned(fit)
     if isinstance(cure, Realigned):
