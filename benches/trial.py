@@ -497,7 +497,8 @@ every record, and rightly: classical standard errors do not hold then.
   order. The set-ups with changing stiffness are driven by seven sines.
 * Equations and state spaces are tested for events, neighbouring lines, colour and level, linear ones also for
   a channel recorded late or early. Where the level or that test speaks, the fit tries lags, delays, levers,
-  missing terms, a drift and a shift of a channel, of one parameter each, and estimates the numbers in the equations.
+  missing terms, a drift and a shift of a channel, of one parameter each, and estimates the
+  numbers in the equations.
 """
 
 Rows = list[tuple[str, dict[str, Any]]]
