@@ -38,6 +38,7 @@ from .held_numbers import contradicted_numbers
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .misfit import UNLIKELY, misfit, of_colour, of_residuals, of_tone
+from .runaway import runaway
 from .undeclared import undeclared
 from .uneven_noise import of_time
 from .unnamed_inputs import missing_input
@@ -65,7 +66,7 @@ def _message(fit: Estimates) -> str:
 def _failed(fit: Estimates) -> str:
     """Why there is no estimate."""
     with np.errstate(all="ignore"):
-        doubt = contradicted_numbers(fit)
+        doubt = contradicted_numbers(fit) or runaway(fit)
     return doubt.text if doubt else _message(fit)
 
 
@@ -107,8 +108,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, not_from_zero, noise_bends, on_bound, misbegun, unexpected, in_two_units,
-    contradicted_numbers, missing_input, late_channel, unexplained, fed_back, unsettled, unstable, condition,
+    offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound, misbegun, unexpected,
+    in_two_units, contradicted_numbers, missing_input, late_channel, unexplained, fed_back, unsettled, unstable, condition,
     undeclared,
 )  # fmt: skip
 
@@ -129,6 +130,8 @@ def check(fit: Estimates, line: str) -> Findings:
         return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
         said = {look: look(fit) for look in LOOKS if look is not unexplained}
+        if said[runaway]:  # which is why
+            said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())
         note = noise_free(fit)
         told = [said[look] for look in (contradicted_numbers, missing_input, late_channel)]
