@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from math import ceil, isqrt, log, nan
 from typing import Any
 
@@ -23,6 +23,7 @@ from ..records.forms import forms_of
 from ..records.record import Record
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
+from .arguments import sensible
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start
 
@@ -66,10 +67,12 @@ def prepare_equation(
     levels: list[float] | None = None,
     learn: bool = True,
     starts: Sequence[float] | None = None,
+    within: tuple[tuple[float, float], ...] | None = None,
 ) -> PreparedEquation:
     """What fits of equations share whatever the samples.
 
-    `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins.
+    `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins;
+    `within`: their bounds instead of those of the equations.
 
     Raises
     ------
@@ -97,7 +100,7 @@ def prepare_equation(
     words["learn"] = learn and own and options.noise in ("output", "coloured")
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
-    given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels))
+    given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels), within)
     return _kept(*given) if even and short and starts is None else _made(*given, uneven, starts)
 
 
@@ -106,11 +109,13 @@ def _made(
     words: tuple[tuple[str, Any], ...],
     sampling: tuple[tuple[int, Any], ...],
     levels: tuple[float, ...] | None,
+    within: tuple[tuple[float, float], ...] | None,
     uneven: Sequence[F64 | None] = (),
     starts: Sequence[float] | None = None,
 ) -> PreparedEquation:
     """As `prepare_equation`; `sampling` holds the number of samples and the step (or times) a record."""
     formulas = layout.formulas.words | ({} if starts is None else {"starts": list(starts)})
+    formulas |= {} if within is None else {"bounds": list(within)}
     core = TermsFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
@@ -144,6 +149,27 @@ def fit_equation(
     records = tuple([structure.own_channels(with_inputs(rec, options.noise)) for rec in records])
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))
+    sought = partial(_sought, records, structure, options, layout, again, levels, starts)
+    within = sensible(layout, records)
+    if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
+        within = None  # a start that was found farther out
+    if within is None:
+        return sought(None)
+    fit = sought(within)
+    return fit if fit.success and not fit.at_bound else sought(None)
+
+
+def _sought(
+    records: tuple[Record, ...],
+    structure: Any,
+    options: Options,
+    layout: EquationLayout,
+    again: Callable[..., Any] | None,
+    levels: Sequence[float] | None,
+    starts: Sequence[float] | None,
+    within: tuple[tuple[float, float], ...] | None,
+) -> EquationFit:
+    """The fit within bounds, those of the equations where None."""
     filled = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
     uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled]
@@ -154,7 +180,7 @@ def fit_equation(
 
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
         shown = seen if levels is None else list(levels)
-        made = prepare_equation(structure, options, records, spread, shown, learn, starts)
+        made = prepare_equation(structure, options, records, spread, shown, learn, starts, within)
         rows = [
             layout.formulas.rows(y, driving(rec), rec.t, record=k)
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))

@@ -112,7 +112,7 @@ class Formulas:
                 return np.log(y[channel.of])
         if channel.kind in ("smooth", "gain"):
             expr, order, gain = channel.of
-            values = self._values(expr, y, u, t)
+            values = self.values(expr, y, u, t)
             return smoothed(values, t, order, gain=gain)
         if channel.kind == "time":
             return t
@@ -124,7 +124,8 @@ class Formulas:
             return np.concatenate([row[:1], (row[:-1] + row[1:]) / 2])
         return row
 
-    def _values(self, expr: sympy.Expr, y: F64, u: F64, t: F64) -> F64:
+    def values(self, expr: sympy.Expr, y: F64, u: F64, t: F64) -> F64:
+        """Samples of an expression of outputs, inputs and the time."""
         names = [*self.compiled.outputs, *self.compiled.inputs]
         symbols = [*(jet(name) for name in names), time]
         found = sympy.lambdify(symbols, expr, "numpy")(*y, *u, t)

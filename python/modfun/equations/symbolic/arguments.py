@@ -1,0 +1,46 @@
+"""What parameters multiply inside functions, as y in sin(k*y): it says how large they may sensibly be."""
+
+from __future__ import annotations
+
+import sympy
+
+from .compiled import Compiled, Delayed, jet
+
+__all__ = ["multiplied"]
+
+
+def multiplied(compiled: Compiled) -> list[tuple[int, list[sympy.Expr], bool]]:
+    """Position of each free parameter without start, bounds or prior that stands in functions; what it
+    multiplies there, of outputs and inputs; and whether its sign is a matter of taste.
+    """
+    found = []
+    measured = {jet(name) for name in (*compiled.outputs, *compiled.inputs)}
+    for k, name in enumerate(compiled.parameters):
+        p, free = sympy.Symbol(name, real=True), compiled.free.get(name)
+        told = free is not None and (free.start is not None or free.min > -sympy.oo or free.max < sympy.oo)
+        terms = [t for expr in compiled.source for t in sympy.Add.make_args(expr) if p in t.free_symbols]
+        if told or not terms or any(t.has(Delayed) for t in terms):
+            continue
+        # Where it stands anywhere else, that says how large it is.
+        held = {one: sympy.Dummy() for t in terms for one in t.atoms(sympy.Function) if p in one.free_symbols}
+        if any(p in t.xreplace(held).free_symbols for t in terms):
+            continue
+        slopes = [sympy.diff(one.args[0], p) for one in held if len(one.args) == 1]
+        seen = all(w.free_symbols and w.free_symbols <= measured for w in slopes)
+        if seen and len(slopes) == len(held):
+            found.append((k, slopes, all(_keeps(t, p, compiled) for t in terms)))
+    return found
+
+
+def _keeps(term: sympy.Expr, p: sympy.Symbol, compiled: Compiled) -> bool:
+    """Whether the other sign of a parameter leaves a term, or is that of a factor which stands here only."""
+    other = term.subs(p, -p)
+    if other == term:
+        return True
+    alone = [
+        c
+        for c in term.args
+        if c.is_Symbol and c.name in compiled.parameters and c.name not in compiled.free
+        and sum(t.has(c) for expr in compiled.source for t in sympy.Add.make_args(expr)) == 1
+    ]  # fmt: skip
+    return other == -term and bool(alone)

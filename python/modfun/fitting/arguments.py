@@ -1,0 +1,53 @@
+"""Where parameters inside functions are sought: k of sin(k*y) up to some 30/R, where y moves by R."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from math import ceil, inf, log2
+from typing import Any
+
+import numpy as np
+
+from ..equations.layout import EquationLayout
+from ..records.corners import driving
+from ..records.record import Record
+
+__all__ = ["sensible"]
+
+# Largest argument over the range of a signal: beyond some five periods of a sine, what its noise does to it
+# follows any record.
+MOST = 30.0
+KEPT = 32
+
+
+def sensible(layout: EquationLayout, records: Sequence[Record]) -> tuple[tuple[float, float], ...] | None:
+    """Bounds of all parameters, closer for those of which the user told nothing and that signals scale.
+
+    None where there are no such parameters. Powers of two: records alike share what is prepared for them.
+    """
+    inside = _inside(layout)
+    if not inside:
+        return None
+    bounds = list(layout.formulas.words["bounds"])
+    for k, slopes, even in inside:
+        widest = 0.0
+        for rec in records:
+            for expr in slopes:
+                with np.errstate(all="ignore"):
+                    values = layout.formulas.values(expr, rec.y, driving(rec), rec.t)
+                widest = max(widest, float(np.ptp(values)))
+        if not 0 < widest < inf:
+            return None
+        most = 2.0 ** ceil(log2(MOST / widest))
+        bounds[k] = (0.0 if even else -most, most)
+    return tuple(bounds)
+
+
+@lru_cache(KEPT)
+def _inside(layout: EquationLayout) -> list[tuple[int, Any, bool]]:
+    if layout.formulas.words["linear"] or not layout.formulas.words["signal_slopes"]:
+        return []
+    from ..equations.symbolic.arguments import multiplied
+
+    return multiplied(layout.compiled)

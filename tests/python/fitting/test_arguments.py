@@ -1,0 +1,41 @@
+"""Parameters inside functions are found without a start, in the range that the signals tell."""
+
+import modfun as mf
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+T = np.linspace(0.0, 20.0, 513)
+
+
+def record(rate, seed):
+    """Moved by a chirp of amplitude 2, with 2 % white noise."""
+    y = solve_ivp(lambda t, x: rate(x) + 2 * np.sin(t**2 / 10), (0, 20), [0.4], t_eval=T, rtol=1e-8).y[0]
+    noise = 0.02 * y.std() * np.random.default_rng(seed).standard_normal(T.size)
+    return mf.Record(y=y + noise, u=2 * np.sin(T**2 / 10), dt=T[1])
+
+
+@pytest.mark.parametrize(
+    ("rate", "text", "k", "seeds"),
+    [
+        (lambda x: -np.sin(8 * x) - 0.5 * x, "y' + c*sin(k*y) + b*y = u", 8.0, (0, 7)),
+        (lambda x: -np.cos(3 * x) - 1.5 * x, "y' + c*cos(k*y) + b*y = u", 3.0, (0, 9)),
+        (lambda x: 0.5 * np.exp(-3 * x) - x, "y' + b*y = u + c*exp(-k*y)", 3.0, (0, 9)),
+        (lambda x: -np.tanh(5 * x) - 0.5 * x, "y' + c*tanh(k*y) + b*y = u", 5.0, (0, 1)),
+    ],
+)
+def test_scale_inside_a_function_needs_no_start(rate, text, k, seeds):
+    """Some of the records led to minima near k = 50 and 75, in which k follows the noise."""
+    for seed in seeds:
+        fit = mf.fit(record(rate, seed), mf.Equation(text))
+        assert fit["k"] == pytest.approx(k, rel=0.1)
+
+
+def test_a_start_of_the_user_is_taken():
+    """As bounds are: the search is not confined then."""
+    model = mf.Equation("y' + c*tanh(k*y) = u", params={"k": mf.Free(min=0.0)})
+    from modfun.equations.symbolic.arguments import multiplied
+
+    assert multiplied(model.compiled()) == []
+    assert [k for k, _, _ in multiplied(mf.Equation("y' + c*tanh(k*y) = u").compiled())] == [1]
+    assert multiplied(mf.Equation("y' + k*tanh(k*y) = u").compiled()) == []
