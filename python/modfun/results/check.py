@@ -109,8 +109,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound, misbegun, unexpected,
-    in_two_units, contradicted_numbers, missing_input, late_channel, unexplained, fed_back, unsettled, unstable,
-    condition, undeclared,
+    in_two_units, contradicted_numbers, missing_input, late_channel, unexplained, fed_back, unsettled,
+    unstable, condition, undeclared,
 )  # fmt: skip
 
 
