@@ -127,10 +127,6 @@ def _masked(record: Samples) -> Iterator[str]:
 def _length(record: Samples) -> Iterator[str]:
     if len(record.t) < 50:
         yield f"There are only {len(record.t)} samples: expect wide intervals and a short band."
-
-    def slow(power: F64) -> bool:
-        return bool(power[:2].sum() > 0.9 * power.sum() and power[0] > power[1])
-
     spectrum = spectrum_of(record)
     for name in record.outputs:
         power = spectrum[name] ** 2
@@ -144,11 +140,16 @@ def _length(record: Samples) -> Iterator[str]:
                 f"{record.intervals / top:.1f} samples a period; noise covers it, or it is sampled too "
                 "slowly."
             )
-        if slow(power) and not any(slow(spectrum[u] ** 2) for u in record.inputs):
+        if _slow(power) and not any(_slow(spectrum[u] ** 2) for u in record.inputs):
             yield (
                 f"Output {name!r}: {100 * power[:2].sum() / power.sum():.0f} % of its power lies in the "
                 f"lowest two harmonics; {record.duration:.4g} s are short for its slow motion."
             )
+
+
+def _slow(power: F64) -> bool:
+    """Whether nearly all of a spectrum is in its lowest two lines."""
+    return bool(power[:2].sum() > 0.9 * power.sum() and power[0] > power[1])
 
 
 def _above_floor(power: F64) -> F64:
@@ -294,14 +295,11 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
             return
     for end, extreme in (("largest", float(values.max())), ("smallest", float(values.min()))):
         there = (values == extreme) & record._good(name)
+        if there[0]:  # at rest until the test begins
+            there[: np.argmin(there)] = False
         if not there.any():
             continue
         starts, lengths = runs(there)
-        if starts[0] == 0 and extreme == values[0]:  # at rest until the test begins
-            there[: lengths[0]] = False
-            starts, lengths = starts[1:], lengths[1:]
-            if not lengths.size:
-                continue
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
             cure = f" If so, leave them out, rec.weigh(mask=rec[{name!r}] != {extreme!r})."

@@ -4,15 +4,7 @@ import modfun as mf
 import numpy as np
 import pytest
 from modfun import Record
-
-N = 500
-T = 0.02 * np.arange(N + 1)
-
-
-def signals(seed=0):
-    rng = np.random.default_rng(seed)
-    return np.sin(2 * T) + 0.1 * rng.standard_normal(N + 1), np.cos(3 * T)
-
+from two_signals import N, T, signals
 
 Y, U = signals()
 
