@@ -192,3 +192,9 @@ def test_the_reader_above_sees_every_import(module: str, is_package: bool, code:
 def test_the_search_above_finds_circles() -> None:
     graph = {"a": frozenset("b"), "b": frozenset("c"), "c": frozenset("b"), "d": frozenset("a")}
     assert circles(graph) == [frozenset("bc")]
+
+
+def test_no_two_test_files_have_one_name():
+    """pytest imports a test file by its bare name: of two of one name it collects one."""
+    names = [path.name for path in TESTS.rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
