@@ -1,5 +1,9 @@
 """Silverbox, an electronic Duffing oscillator: physical parameters from 1.7 s, checked on the 25 s after.
 
+The record's last 8,192 samples are a whole period of a multisine of odd lines, in the steady state. How much
+the gains of these lines scatter about a smooth response, beside the distortion of the fitted equation, is a
+second check.
+
 python examples/silverbox.py [FOLDER]     # of silverbox_multisine's CSV file; default: $MODFUN_DATA
 """
 
@@ -15,6 +19,9 @@ DT = 2**14 / 1e7  # s
 FITTED = 1024  # intervals
 SETTLED = 300  # samples after which the unknown initial state is forgotten (m/d is 15 samples)
 FINER = 8  # steps a sample in simulation
+PERIOD = 8192  # samples
+LINES = np.arange(1, 2684, 2)  # that the multisine has
+NEAR = 5  # lines on each side, through which a parabola goes
 
 
 def read(folder: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -45,6 +52,34 @@ def simulated(fit: mf.Fit, u: np.ndarray) -> np.ndarray:
     return np.array(out)
 
 
+def scatter(u: np.ndarray, y: np.ndarray) -> float:
+    """Rms of the output, V, beside a smooth response: gains less parabolas through their neighbours."""
+    inputs = np.fft.rfft(u[-PERIOD:])[LINES] / PERIOD
+    gains = np.fft.rfft(y[-PERIOD:])[LINES] / PERIOD / inputs
+    x = np.arange(-NEAR, NEAR + 1.0)
+    smooth, _ = np.linalg.qr(np.stack([x**0, x, x**2], axis=1))
+    around = np.lib.stride_tricks.sliding_window_view(gains, x.size)
+    apart = around - around @ smooth @ smooth.T
+    variance = np.sum(np.abs(apart) ** 2, axis=1) / (x.size - 3)
+    return float(np.sqrt(2 * np.sum(variance * np.abs(inputs[NEAR:-NEAR]) ** 2)))
+
+
+def distortion(fit: mf.Fit, u: np.ndarray, realisations: int = 24) -> float:
+    """Rms of the output, V, that nonlinearity adds to the best linear response: the fitted equation's, under
+    multisines of the record's amplitudes and other phases."""
+    size = np.abs(np.fft.rfft(u[-PERIOD:]))
+    rng, made = np.random.default_rng(0), []
+    for _ in range(realisations):
+        lines = np.zeros(size.size, dtype=complex)
+        lines[LINES] = size[LINES] * np.exp(2j * np.pi * rng.random(LINES.size))
+        periods = np.tile(np.fft.irfft(lines, PERIOD), 4)[: 3 * PERIOD + 1]
+        run = mf.simulate(fit.model, input=periods, duration=3 * PERIOD * DT, intervals=3 * PERIOD)
+        made.append(run.window(PERIOD * DT, 3 * PERIOD * DT))
+    response = mf.frf(made, method="periodic")
+    assert response.distortion is not None  # there are two periods
+    return float(np.sqrt(2 * np.sum((response.distortion[0, 0] * size[LINES] / PERIOD) ** 2)))
+
+
 def main(folder: Path) -> tuple[mf.Fit, float]:
     """Fit the first 1024 intervals, simulate the rest; the fit and the error's rms in V."""
     u, y = read(folder)
@@ -58,6 +93,10 @@ def main(folder: Path) -> tuple[mf.Fit, float]:
     rms = float(np.sqrt(np.mean(error**2)))
     size = np.std(y[rest])
     print(f"simulated, the rest of the record: error {1e3 * rms:.2f} mV rms of {1e3 * size:.1f} mV")
+    print(
+        f"beside a smooth response: the record {1e3 * scatter(u, y):.2f} mV, "
+        f"the fitted equation {1e3 * distortion(fit, u):.2f} mV"
+    )
     return fit, rms
 
 

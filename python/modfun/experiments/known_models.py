@@ -70,8 +70,8 @@ def valued(
         _values(params, system.param_names())
         return Equations(system.model(params or {}))
     raise SpecError(
-        f"crlb: the system is a {type(system).__name__}; give mf.tf(num, den), a structure with params=, or "
-        "a Fit"
+        f"crlb: the system is of type {type(system).__name__}; give mf.tf(num, den), a structure with "
+        "params=, or a Fit"
     )
 
 

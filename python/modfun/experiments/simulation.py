@@ -101,8 +101,9 @@ def experiment(
     """
     if not isinstance(system, LTI | NonlinearModel | DelaySystem):
         raise SpecError(
-            f"simulate: the system is a {type(system).__name__}; give mf.tf(num, den), mf.ss(A, B, C, D), "
-            "mf.Equation(...).model({name: value}), fit.model or mf.timelag.DelaySystem(...)"
+            f"simulate: the system is of type {type(system).__name__}; give mf.tf(num, den), "
+            "mf.ss(A, B, C, D), mf.Equation(...).model({name: value}), fit.model "
+            "or mf.timelag.DelaySystem(...)"
         )
     names = None
     if isinstance(input, Signals):

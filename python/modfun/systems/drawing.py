@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from ..base.arrays import C128, F64
 from ..base.axes import clip_to_lines, frequency_axis, returned, take_axes, take_grid
 from ..errors import SpecError
 
-__all__ = ["Curve", "curves_of", "draw_bode", "draw_bode_grid", "span"]
+__all__ = ["Curve", "curves_of", "draw_bode", "draw_bode_grid", "draw_levels", "span"]
 
 SURE = 2.0  # the branch of a phase is told by points whose error is at most so often the least
 
@@ -125,6 +125,24 @@ def draw_bode_grid(
         if i < outputs - 1:
             lower.set_xlabel("")
     return panels
+
+
+def draw_levels(upper: Any, omega: F64, levels: Mapping[str, tuple[F64, str]], *, hz: bool = False) -> None:
+    """Mark levels (output, input, omega), each with its marker, under the gains of `draw_bode`."""
+    factor, _ = frequency_axis(hz)
+    for name, (level, marker) in levels.items():
+        for path, own in enumerate(level.reshape(-1, omega.size)):
+            seen = own > 0
+            upper.plot(
+                factor * omega[seen],
+                20 * np.log10(own[seen]),
+                marker,
+                color=f"C{path % 10}",
+                markersize=4,
+                label=None if path else name,
+            )
+    clip_to_lines(upper)
+    upper.legend(frameon=False, fontsize="small", loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4)
 
 
 def _turned(degrees: Any, curve: Curve, drawn: dict[str, Any]) -> Any:

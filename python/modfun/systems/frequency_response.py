@@ -17,7 +17,7 @@ from ..base.samples import band_edges, frequencies, numbered
 from ..base.student import confidence
 from ..base.tables import Table
 from ..errors import DataError, SpecError
-from .drawing import curves_of, draw_bode, span
+from .drawing import curves_of, draw_bode, draw_levels, span
 
 __all__ = ["FrequencyResponse"]
 
@@ -293,7 +293,9 @@ class FrequencyResponse:
         return FrequencyResponse(**{**{f.name: getattr(self, f.name) for f in fields(self)}, **changes})
 
     def table(self) -> Table:
-        """One row a path and frequency: input, output, omega, magnitude_db, phase_deg, bse, coherence."""
+        """One row a path and frequency: input, output, omega, magnitude_db, phase_deg, and bse,
+        distortion and coherence where they are known.
+        """
         size = self.omega.size
         paths = [(o, i) for o in range(len(self.outputs)) for i in range(len(self.inputs))]
         columns: dict[str, Any] = {
@@ -305,15 +307,26 @@ class FrequencyResponse:
         }
         if self.bse is not None:
             columns["bse"] = self.bse.reshape(-1)
+        if self.distortion is not None:
+            columns["distortion"] = self.distortion.reshape(-1)
         if self.coherence is not None:
             columns["coherence"] = np.concatenate([self.coherence[o] for o, _ in paths])
         return Table(columns, units={"omega": "rad/s", "magnitude_db": "dB", "phase_deg": "deg"})
 
     def plot(self, *, ax: Any = None, hz: bool = False) -> Any:
-        """Draw dB and degrees over frequency, with 95 % bands (extra ``plot``); returns Axes."""
+        """Draw dB and degrees over frequency, with 95 % bands (extra ``plot``); returns Axes.
+
+        Where distortion is known, dots show its level below the gain, and ticks the standard error.
+        """
         low, high = span(self.omega[self.omega > 0].tolist())
         curves = curves_of(self.omega, self.response, self.radius(), self.outputs, self.inputs)
-        return draw_bode([(c.path or "FrequencyResponse", c) for c in curves], low, high, hz=hz, ax=ax)
+        axes = draw_bode([(c.path or "FrequencyResponse", c) for c in curves], low, high, hz=hz, ax=ax)
+        if self.distortion is not None:
+            levels = {"distortion": (self.distortion, ".")}
+            if self.bse is not None:
+                levels["standard error"] = (self.bse, "_")
+            draw_levels(axes[0], self.omega, levels, hz=hz)
+        return axes
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain values: complex arrays as {"re": …, "im": …}."""

@@ -332,7 +332,7 @@ def test_what_cannot_be_meant_is_refused():
     refused("params= is for structures", mf.tf([5], [1, 3, 8]), DE, params=VALUES, **sigma)
     structure = mf.TransferFunction(poles=2)
     refused("model= is for systems", SHORT_PERIOD, DE, params=VALUES, model=structure, **sigma)
-    refused("the system is a str", "short period", DE, **sigma)
+    refused("the system is of type str", "short period", DE, **sigma)
     refused("the experiment is a NoneType", SHORT_PERIOD, params=VALUES, **sigma)
     refused("the experiment is a int", SHORT_PERIOD, 5, params=VALUES, **sigma)
     refused("start='zero' is text; give real numbers", SHORT_PERIOD, DE, params=VALUES, start="zero", **sigma)

@@ -110,6 +110,51 @@ def test_the_level_of_distortion_is_that_of_many_realisations() -> None:
 
 
 @pytest.mark.statistics
+def test_the_level_of_distortion_of_a_duffing_oscillator() -> None:
+    """y'' + 0.4 y' + y + 0.3 y³ = u: rms over the lines of 120 noisy realisations, within 1 dB of the
+    scatter of 800 others without noise (standard deviation 0.34 dB: a false alarm in 0.4 % of seeds)."""
+    clean = duffing(range(800))
+    many = np.array([mf.frf(rec, method="periodic").response[0, 0] for rec in clean])
+    level = np.sqrt(np.mean(np.var(many, axis=0, ddof=1)))
+    noisy_ones = [noisy(rec, 0.02, k) for k, rec in enumerate(duffing(range(1000, 1120)))]
+    found = mf.frf(noisy_ones, method="periodic")
+    own = np.sqrt(np.mean(found.distortion**2))
+    assert level > 0.02
+    assert abs(20 * np.log10(own / level)) < 1.0
+    assert found.table()["distortion"] == pytest.approx(found.distortion.reshape(-1))
+    upper, _ = found.plot()
+    marked = {line.get_label(): line.get_ydata() for line in upper.get_lines()}
+    seen = found.distortion > 0
+    np.testing.assert_allclose(marked["distortion"], 20 * np.log10(found.distortion[seen]))
+
+
+def duffing(seeds: range) -> list[mf.Record]:
+    """Two steady periods of a Duffing oscillator under random multisines, after five that are left out.
+
+    Runge and Kutta's method for all at once, ten steps a sample.
+    """
+    signals, steps = [sines(seed=seed) for seed in seeds], 10
+    lines = np.array([np.fft.rfft(one.u[0, :100])[:10] / 100 for one in signals])
+    omega, h = 2 * np.pi / PERIOD * np.arange(10), STEP / steps
+    halves = np.arange(2 * 100 * steps) * h / 2
+    u = 2 * (lines @ np.exp(1j * np.outer(omega, halves))).real
+
+    def slope(x: np.ndarray, k: int) -> np.ndarray:
+        return np.array([x[1], u[:, k % u.shape[1]] - 0.4 * x[1] - x[0] - 0.3 * x[0] ** 3])
+
+    x, kept = np.zeros((2, len(signals))), []
+    for k in range(7 * 100 * steps + 1):
+        if k % steps == 0 and k >= 5 * 100 * steps:
+            kept.append(x[0])
+        first = slope(x, 2 * k)
+        second = slope(x + h / 2 * first, 2 * k + 1)
+        third = slope(x + h / 2 * second, 2 * k + 1)
+        x = x + h / 6 * (first + 2 * second + 2 * third + slope(x + h * third, 2 * k + 2))
+    rows = zip(np.array(kept).T, signals, strict=True)
+    return [mf.Record(y=y, u=one.u[0], dt=STEP, intersample="smooth") for y, one in rows]
+
+
+@pytest.mark.statistics
 def test_lines_left_out_tell_distortion_of_one_realisation() -> None:
     """The mean square over 30 realisations of odd lines is within 2 dB of that between them. The mode is
     damped, so that levels change little from a line to those left out near it.
