@@ -328,16 +328,21 @@ def _from_rest(rec: Record, trend: str | None) -> Record:
 
 
 def _steady_slopes(known: Known, rec: Record) -> Slopes:
-    """Response and derivatives over the record when its inputs have repeated for ever."""
+    """Response and derivatives over the record when its inputs have repeated for ever.
+
+    They are those of the last period but one: at the end of the samples a smooth input is not known as well as
+    within them.
+    """
     count = rec.t.size - 1
     for repeats in REPEATS:
         u = np.hstack([np.tile(rec.u[:, :-1], repeats), rec.u[:, -1:]])
         y = np.zeros((len(rec.outputs), u.shape[1]))
         t = rec.t[0] + np.arange(u.shape[1]) * (rec.t[1] - rec.t[0])
         found = known.slopes(rec._like(y=y, u=u, t=t, mask=None, sigma=None), None)
-        last, before = found.params[..., -count - 1 :], found.params[..., -2 * count - 1 : -count]
+        within = slice(-2 * count - 1, -count)
+        last, before = found.params[..., within], found.params[..., -3 * count - 1 : -2 * count]
         if np.max(np.abs(last - before)) <= SETTLED * np.max(np.abs(last)):
-            return Slopes(found.y[..., -count - 1 :], last, found.state[..., -count - 1 :])
+            return Slopes(found.y[..., within], last, found.state[..., within])
     raise DataError(
         f'crlb: initial_state="periodic", but the response has not settled after {REPEATS[-1]} periods; the '
         "system must be stable, or give longer periods"

@@ -101,6 +101,22 @@ def test_rao_garnier():
         assert bound[name] == pytest.approx(value, rel=5e-3)
 
 
+@pytest.mark.parametrize("top", [3.0, 8.0])
+def test_whole_periods_by_their_spectra(top):
+    """The response and its derivatives as sums of sines; the last sample repeats the first."""
+    period, n = 10.0, 128
+    one = mf.signals.multisine("u", band=(2 * np.pi / period, top), duration=period, dt=period / n, seed=1)
+    rec = mf.Record(y=np.zeros(n + 1), u=one.u[0], dt=period / n, intersample="smooth")
+    s = 2j * np.pi / period * np.arange(n // 2 + 1)
+    gains = 5 / (s**2 + 3 * s + 8)
+    slopes = np.array([-gains * s, -gains, np.ones_like(s)]) / (s**2 + 3 * s + 8)
+    rows = np.fft.irfft(slopes * np.fft.rfft(one.u[0, :n]), n)
+    rows = np.hstack([rows, rows[:, :1]])
+    expected = np.sqrt(np.diag(np.linalg.inv(rows @ rows.T))) * 0.1
+    bound = mf.crlb(mf.tf([5], [1, 3, 8]), rec, sigma=0.1, initial_state="periodic")
+    assert bound.sd == pytest.approx(expected, rel=2e-3)
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
