@@ -255,7 +255,7 @@ def test_whole_periods_have_no_transient(periods: int, hold: str) -> None:
 
 @pytest.mark.statistics
 def test_the_bound_of_whole_periods_is_reached() -> None:
-    """Root mean square errors of 12,000 records are within 3 % of the bound (4.6 standard deviations), and the
+    """Root mean square errors of 12,000 records are within 3 % of the bound (4.6 standard deviations). The
     95 % intervals hold 94 to 96.5 % of the true values."""
     truth = np.array([0.1, 1.0, 1.0])
     clean = steady(1)
