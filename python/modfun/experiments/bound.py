@@ -330,8 +330,8 @@ def _from_rest(rec: Record, trend: str | None) -> Record:
 def _steady_slopes(known: Known, rec: Record) -> Slopes:
     """Response and derivatives over the record when its inputs have repeated for ever.
 
-    They are those of the last period but one: a smooth input is known less well at the end of its samples than
-    within them.
+    They are those of the last period but one: a smooth input is known less well at the end of its samples
+    than within them.
     """
     count = rec.t.size - 1
     for repeats in REPEATS:
