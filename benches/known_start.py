@@ -4,7 +4,7 @@
 
 Scatter is the interquartile range over 1.349, as errors have heavy tails under 20 % noise; failed fits are
 left out. Times are medians: one fit in ten looks for what is missing from the equations, some 50 ms.
-The table is quoted on docs/known.md.
+The tables are quoted on docs/known.md.
 """
 
 from __future__ import annotations
@@ -74,8 +74,42 @@ def run(name: str, nsr: float, records: int) -> None:
         )
 
 
+def batch(duration: float, count: int, nsr: float, records: int) -> None:
+    """Print the same of `fit_many` for the report's equation (24) under a step; failed fits are counted."""
+    plant, model = mf.tf([5], [1, 3, 8]), mf.TransferFunction(poles=2, zeros=0)
+    truth, t = np.array([3.0, 8.0, 5.0]), np.linspace(0.0, duration, count + 1)
+    step = np.where(t >= 0.3, 1.0, 0.0)
+    clean = mf.simulate(plant, input=step, duration=duration, intervals=count, intersample="zoh")
+    sigma = nsr * float(np.sqrt(np.mean(clean.y**2)))
+    noise = sigma * np.random.default_rng(0).standard_normal((records, *clean.y.shape))
+    told = {"u": clean.u, "dt": duration / count, "intersample": "zoh"}
+    made = mf.Batch(y=clean.y + noise, **told)
+    spent, found = [], []
+    mf.fit_many(made, model, threads=1)  # what the first call prepares counts in neither
+    for start in ("unknown", "rest"):
+        began = time.process_time()
+        found.append(mf.fit_many(made, model, initial_state=start, threads=1))
+        spent.append(time.process_time() - began)
+    many, well = found[-1], found[-1].status == "ok"
+    bound = mf.crlb(plant, clean, sigma=sigma, initial_state="rest", trend="constant").sd
+    errors = (many.params - truth) / bound
+    spread = np.subtract(*np.quantile(errors, [0.75, 0.25], axis=0)) / 1.349
+    low, high = np.moveaxis(many.conf_int(), -1, 0)
+    cover = 100 * np.mean(((low < truth) & (truth < high))[well], axis=0)
+    rms = np.sqrt(np.mean(errors[well] ** 2, axis=0))
+    print(
+        f"equation (24), {duration:3g} s         {nsr:5g}  rest     "
+        f"{spread.min():6.2f} to {spread.max():5.2f}   "
+        f"{cover.min():5.1f} to {cover.max():5.1f} %  {1e6 * spent[1] / records:5.0f} µs {well.sum():5d}   "
+        f"rms {rms.min():.2f} to {rms.max():.2f}, time {spent[1] / spent[0]:.1f} of unknown"
+    )
+
+
 if __name__ == "__main__":
     warnings.simplefilter("ignore")
+    for seconds, intervals in ((3.0, 128), (10.0, 256)):
+        for level in (0.05, 0.2):
+            batch(seconds, intervals, level, 2000)
     print("case                           NSR  start    scatter over bound    coverage         time    fits")
     for case in CASES:
         for level in (0.05, 0.2):
