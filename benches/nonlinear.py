@@ -166,21 +166,28 @@ def dropping(replicates, figures=None):
 # ---------------------------------------------------------------- prey only
 
 
+PREY = mf.Equation(["x' = a*x - x*z", "z' = d*x*z - c*z"], outputs=["x"])
+PREY_TRUE = {"a": 3.0, "c": 6.0, "d": 1.0}
+
+
+def prey_record():
+    """(x (1, N+1), dt) of the prey of weak_form's Lotka–Volterra, free of noise; 5 s, N = 512."""
+    a, c, d = PREY_TRUE.values()
+    states = response(lambda t, v: [a * v[0] - v[0] * v[1], d * v[0] * v[1] - c * v[1]], [1.0, 1.0], 5.0, 512)
+    return states[:1], 5 / 512
+
+
 def prey(replicates, figures=None):
     """Lotka–Volterra of weak_form with the prey alone counted, log-normal noise."""
-    a, c, d = 3.0, 6.0, 1.0
-    model = mf.Equation(["x' = a*x - x*z", "z' = d*x*z - c*z"], outputs=["x"])
-    clean = response(lambda t, v: [a * v[0] - v[0] * v[1], d * v[0] * v[1] - c * v[1]], [1.0, 1.0], 5.0, 512)[
-        :1
-    ]
+    clean, dt = prey_record()
     print(f"prey from {clean.min():.2f} to {clean.max():.1f}\n")
     table("noise of log prey")
     for sigma in (0.02, 0.05, 0.1, 0.2):
         found = Study(
-            model,
-            {"a": a, "c": c, "d": d},
+            PREY,
+            PREY_TRUE,
             clean,
-            5 / 512,
+            dt,
             sigma,
             (["x"], None),
             replicates,

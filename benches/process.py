@@ -121,12 +121,13 @@ def row(case, count):
     rmse, other = (np.sqrt(np.mean(np.square(own), axis=0)) / scale for own in (errors, plain))
     unit = "" if case.scale is not None else " %"
     told = [f"{a:.2f} ({b:.2f}){unit}" for a, b in zip(rmse, other, strict=True)]
-    bias = np.max(np.abs(errors.mean(axis=0) / errors.std(axis=0)))
+    mean = np.abs(errors.mean(axis=0))
+    bias = f"{np.max(mean / errors.std(axis=0)):.2f} ({100 * np.max(mean / np.abs(case.truth)):.2f} %)"
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.sqrt(np.mean(np.square(levels), axis=0)) / case.levels
     found = ", ".join(f"{own:.2f}" if np.isfinite(own) else "–" for own in ratio)
     covered = f"{covers(inside)} ({covers(inside_plain)}) %"
-    return f"| {case.name} | {', '.join(told)} | {bias:.2f} | {covered} | {found} | {lost} |"
+    return f"| {case.name} | {', '.join(told)} | {bias} | {covered} | {found} | {lost} |"
 
 
 def contains(interval, truth):
@@ -154,7 +155,7 @@ def main():
     lines = [
         f"{given.records:,} records per row, {given.records // 3:,} for state spaces.",
         "",
-        "| system and noise | error of each parameter (of the default) | bias over sd "
+        "| system and noise | error of each parameter (of the default) | largest bias over sd (of the parameter) "
         "| intervals cover (of the default) "
         "| levels over the true ones | not settled |",
         "|---|---|---|---|---|---|",

@@ -70,12 +70,19 @@ def white(scale: float) -> list[Row]:
 
 
 def structures(scale: float) -> list[Row]:
-    """Default band; other systems; random initial states."""
+    """Few and many lines; sines; short records; default band; other systems; random initial states."""
     n = int(10_000 * scale)
     light = mf.tf([4], [1, 0.3, 4])
     third = mf.tf([6, 12], [1, 2.2, 10.2, 9])
     tf31 = mf.TransferFunction(poles=3, zeros=1)
+    few = [
+        study(f"eq. (24), NSR 0.1, M = {m}", n, ("ml",), nsr=0.1, harmonics=m, trend=None) for m in (6, 22)
+    ]
+    sines = {"one sine": "sin(2*t)", "two sines": "sin(2*t) + sin(5*t)"}
+    driven = [study(f"eq. (24), {name}, 60 s", n, ("ml",), input=u, **LONG) for name, u in sines.items()]
     return [
+        *(row for rows in (*few, *driven) for row in rows),
+        *study("eq. (24), NSR 0.1, N = 64", n, ("ml",), nsr=0.1, intervals=64),
         *study("eq. (24), NSR 0.2, default band and trend", n, ("ml",), nsr=0.2),
         *study("eq. (24), NSR 0.1, random initial states", n, ("ml",), nsr=0.1, initial_state="random"),
         *study("light mode (ζ 0.075), NSR 0.1, default band", n, ("ml",), nsr=0.1, system=light),
@@ -259,6 +266,39 @@ def equations(scale: float) -> list[Row]:
     return [*duff, *state]
 
 
+def benchmarks(scale: float) -> list[Row]:
+    """Rao and Garnier's system; Lotka–Volterra, both counted or the prey alone, its predator eliminated."""
+    import nonlinear
+    import problems
+    from fit_studies import response
+    from weak_form import WEAK
+
+    out, n = [], int(1000 * scale)
+    if problems.DEFINITION.exists():  # the records are no part of the project
+        own = problems.rao_garnier()
+        words = {"system": own.system, "model": own.model, "nsr": 10**-0.5, **own.experiment}
+        out += study("Rao–Garnier, 10 dB", n, ("ml",), **words)
+    model, w, start, period, intervals, _, rhs = WEAK["Lotka–Volterra"]
+    truth = {f"w{k + 1}": value for k, value in enumerate(w)}
+    both, (prey, dt) = response(rhs(w), start, period, intervals), nonlinear.prey_record()
+    for nsr in (0.05, 0.2):
+
+        def counted(k: int, size: float = nsr * np.sqrt(np.mean(both**2))) -> mf.Record:
+            e = size * np.random.default_rng([54, k]).standard_normal(both.shape)
+            return mf.Record(y=both + e, dt=period / intervals, outputs=["x", "z"])
+
+        def alone(k: int, size: float = nsr) -> mf.Record:
+            e = size * np.random.default_rng([55, k]).standard_normal(prey.shape)
+            return mf.Record(y=prey * np.exp(e), dt=dt, outputs=["x"])
+
+        out += fitted(f"Lotka–Volterra, {100 * nsr:.0f} %", counted, model, truth, n)
+        out += fitted(
+            f"prey only, log-normal {100 * nsr:.0f} %", alone, nonlinear.PREY, nonlinear.PREY_TRUE, n,
+            noise="log-normal",
+        )  # fmt: skip
+    return out
+
+
 def derived(scale: float) -> list[Row]:
     """ω and ζ of the poles and static gain by the delta method; the initial state by least squares."""
     true = np.array([np.sqrt(8), 3 / (2 * np.sqrt(8)), 5 / 8])
@@ -375,7 +415,19 @@ def tones(scale: float) -> list[Row]:
     return out
 
 
-CASES = (white, structures, coloured, own_noise, outputs, equations, derived, bootstrap, responses, tones)
+CASES = (
+    white,
+    structures,
+    coloured,
+    own_noise,
+    outputs,
+    equations,
+    benchmarks,
+    derived,
+    bootstrap,
+    responses,
+    tones,
+)
 
 
 # Efficiency --------------------------------------------------------------------------------------
