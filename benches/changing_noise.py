@@ -14,13 +14,11 @@ from scipy.signal import lfilter
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "explanation" / "uncertainty.md"
 MARK = "<!-- changing noise -->"
-INTERVALS = 256
-T = np.linspace(0.0, 1.0, INTERVALS + 1)
-LEVELS = {
-    "even": np.ones_like(T),
-    "four times as strong on the last 40 %": np.where(T > 0.6, 4.0, 1.0),
-    "rising from 0.3 to 2.3": 0.3 + 2.0 * T,
-    "a burst of five times the level": 1.0 + 4.0 * np.exp(-(((T - 0.3) / 0.075) ** 2)),
+LEVELS = {  # of the time from 0 to 1
+    "even": np.ones_like,
+    "four times as strong on the last 40 %": lambda t: np.where(t > 0.6, 4.0, 1.0),
+    "rising from 0.3 to 2.3": lambda t: 0.3 + 2.0 * t,
+    "a burst of five times the level": lambda t: 1.0 + 4.0 * np.exp(-(((t - 0.3) / 0.075) ** 2)),
 }
 EVEN, STEP, RISE, BURST = LEVELS
 TF2 = mf.TransferFunction(poles=2, zeros=0)
@@ -42,6 +40,9 @@ SYSTEMS = {
 }  # fmt: skip
 CELLS = [
     ("eq. (24), 10 %", STEP, 0.0, 0.0),
+    ("eq. (24), 10 %", STEP, 0.0, 0.0, 128),
+    ("eq. (24), 10 %", STEP, 0.0, 0.0, 64),
+    ("eq. (24), 10 %", EVEN, 0.0, 0.0, 64),
     ("eq. (24), 10 %", STEP, 0.9, 0.0),
     ("eq. (24), 10 %", RISE, 0.0, 0.0),
     ("eq. (24), 10 %", BURST, 0.0, 0.0),
@@ -56,26 +57,27 @@ CELLS = [
 ]
 
 
-def batch(name, level, pole, correlation, count):
+def batch(name, level, pole, correlation, count, intervals):
     """Records with the same input and noise of that level in time."""
     structure, system, truth, nsr = SYSTEMS[name]
     system = structure.model(truth) if system is None else system
-    clean = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=INTERVALS)
-    size = nsr * np.sqrt(np.mean(clean.y**2, axis=1, keepdims=True) / np.mean(np.square(LEVELS[level])))
+    clean = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=intervals)
+    scale = LEVELS[level](np.linspace(0.0, 1.0, intervals + 1))
+    size = nsr * np.sqrt(np.mean(clean.y**2, axis=1, keepdims=True) / np.mean(np.square(scale)))
     rng = np.random.default_rng([7, *name.encode(), *level.encode(), int(10 * pole)])
-    drawn = rng.standard_normal((count, len(clean.y), T.size + 300))
+    drawn = rng.standard_normal((count, len(clean.y), scale.size + 300))
     noise = lfilter([np.sqrt(1 - pole**2)], [1, -pole], drawn)[..., 300:]
     if correlation:
         root = np.linalg.cholesky(np.full((2, 2), correlation) + (1 - correlation) * np.eye(2))
         noise = np.einsum("ij,rjt->rit", root, noise)
-    y = clean.y + size * LEVELS[level] * noise
+    y = clean.y + size * scale * noise
     return mf.Batch(y, clean.u, clean.dt, outputs=clean.outputs, inputs=clean.inputs)
 
 
-def row(name, level, pole, correlation, count):
+def row(count, name, level, pole, correlation, intervals=256):
     """Coverage with and without allowance, of the least parameter, width, and records found."""
     structure, _, truth, _ = SYSTEMS[name]
-    many = mf.fit_many(batch(name, level, pole, correlation, count), structure)
+    many = mf.fit_many(batch(name, level, pole, correlation, count, intervals), structure)
     true = np.array([truth[p] for p in many.param_names])
     covered = []
     for errors in (many.bse_even, many.bse):
@@ -84,6 +86,7 @@ def row(name, level, pole, correlation, count):
     width = np.median((many.bse / many.bse_even)[many.usable])
     kind = f"AR({pole:g})" if pole else "white"
     kind += f", correlation {correlation:g}" if correlation else ""
+    name += f", N = {intervals}" if intervals != 256 else ""
     return (
         f"| {name} | {level}, {kind} | {covered[0].mean():.1f} | {covered[1].mean():.1f} | "
         f"{covered[1].min():.1f} | {width:.2f} | {100 * many.changing.mean():.1f} |"
@@ -101,7 +104,7 @@ def main():
         "|---|---|---|---|---|---|---|",
     ]
     for cell in CELLS:
-        lines.append(row(*cell, given.records))
+        lines.append(row(given.records, *cell))
         print(lines[-1], flush=True)
     if given.write:
         head, old = PAGE.read_text().split(MARK + "\n", 1)

@@ -55,6 +55,8 @@ def main(folder: Path) -> tuple[mf.Fit, float]:
     fit = mf.fit(first, drive, noise="equation", method="wls", band=(0, 2 * np.pi * TOP))
     for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True):
         print(f"{name} = {value:.4g} ± {error:.1g}")
+    both = mf.fit(first, drive, noise="process", band=(0, 2 * np.pi * TOP))  # and noise on q
+    print(f"with noise of both kinds: {both}\n{both.process_noise()}")
     params = dict(zip(fit.param_names, fit.params, strict=True))
     found = simulated(params, force[middle:], q[middle], velocity[middle])
     error = q[middle:] - found

@@ -47,7 +47,7 @@ def wide(method: str, nsr: float, count: int) -> Iterator[tuple[str, ...]]:
     off = np.abs(theta - theta.mean(axis=0))
     few = student.ppf(0.975, quiet.df_resid)
     plain, true = quiet.bse / quiet.sigma, nsr * RMS
-    name = f"`{method}`, NSR {nsr:g}, classical, about their own mean, {count:,}".replace(" 0.", " .")
+    name = f"`{method}`, NSR {nsr:g}, classical, about their own mean, {count:,}"
     given = share(off <= few * sigma * shape)
     for half, word in (
         (

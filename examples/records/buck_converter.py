@@ -72,12 +72,18 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
             mf.Equation(f"v'' + a1*v' + a2*v = a2*(4 - u)*{SUPPLY / 3}", outputs=["v"], inputs=["u"]),
         )
         free = mf.fit(rises, mf.Equation("v'' + a1*v' + a2*v = a2*K*(4 - u)", outputs=["v"], inputs=["u"]))
-        falling = mf.fit(
-            [rec.window(*part) for part in FALLING], mf.Equation("v' + decay*v = 0", outputs=["v"])
-        )
+        falls = [rec.window(*part) for part in FALLING]
+        falling = mf.fit(falls, mf.Equation("v' + decay*v = 0", outputs=["v"]))
+        windows = ([halves[0]], linear), (rises, rising), (falls, falling)
+        both = [mf.fit(part, fit.structure, noise="process") for part, fit in windows]
     out["linear"] = [fit_level for part in halves for fit_level in linear.score(part)["signal_to_error"]]
     print(f"\nLinear, first half\n{linear.damp()}\n{linear.derived(gain='b0/a2')}")
     print(f"S/E {out['linear'][0]:.1f} dB, second half, predicted, {out['linear'][1]:.1f} dB")
+
+    print("\nNoise of both kinds: one linear model; rising; falling")
+    for fit in both:
+        print(f"{fit}\n{fit.process_noise()}")
+    out["process"] = [fit.process_noise()["share"][1] for fit in both]
 
     print(f"\nVoltage falls, no current\n{falling}\n{falling.score()}")
     print(f"\nVoltage rises, current flows\n{rising}\n{rising.score()}")
