@@ -195,6 +195,12 @@ def fit(
             help="unknown, zero, rest (steady before the first sample), periodic, or y,y',... in numbers."
         ),
     ] = "unknown",
+    robust: Annotated[
+        bool, typer.Option("--robust", help="Weight samples by Student's t, for spikes and heavy tails.")
+    ] = False,
+    stable: Annotated[
+        bool, typer.Option("--stable", help="Of an unstable estimate, take the nearest stable model.")
+    ] = False,
     reference: Annotated[list[str] | None, typer.Option(help="Command of a control loop; a column.")] = None,
     json_to: Json = None,
     plot: Annotated[Path | None, typer.Option(help="Draw the fit on one sheet (.png, .pdf, .svg).")] = None,
@@ -222,6 +228,8 @@ def fit(
         cov_type=cov_type,
         rule=rule,
         initial_state=state_of(initial_state),
+        robust=robust,
+        stable=stable,
         reference=reference,
     )
     usable = result.status in ("ok", "maxiter")

@@ -19,10 +19,11 @@ RENAMED = {"outputs": "output", "inputs": "input"}
 OPTIONS = (
     "outputs", "inputs", "time", "dt", "intersample", "missing", "part", "units", "only", "on", "poles",
     "zeros", "delay", "denominator", "method", "band", "harmonics", "trend", "noise", "cov_type", "rule",
-    "initial_state", "library", "target",
+    "initial_state", "reference", "library", "target",
 )  # fmt: skip
 # Not in a call that is quoted, rec.select(outputs=...).
 SAID = re.compile(rf"""(?<![(\w.])({"|".join(OPTIONS)})=(?:'([\w.]*)'|"([\w.]*)"|(?=([\w\[({{-]))|)""")
+SWITCHES = re.compile(r"(?<![(\w.])(robust|stable)=True\b")
 
 __all__ = ["main"]
 
@@ -92,4 +93,4 @@ def in_options(text: str) -> str:
         name, value = RENAMED.get(found[1], found[1]), found[2] or found[3] or ""
         return f"--{name.replace('_', '-')}{' ' if value or found[4] else ''}{value}"
 
-    return SAID.sub(said, text)
+    return SAID.sub(said, SWITCHES.sub(r"--\1", text))

@@ -10,7 +10,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.cures import bic_beside, on_band
 from ..results.fit import Fit
-from .fit import fit_quietly
+from .single import fit_quietly
 
 __all__ = ["best_of", "score"]
 

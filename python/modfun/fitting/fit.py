@@ -6,7 +6,6 @@ import math
 import os
 import warnings
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Never, Unpack
 
 from numpy.typing import ArrayLike
@@ -27,23 +26,18 @@ from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
-from .instruments import referenced_fit
 from .kinks import bent
-from .known_inputs import equations_closely, fit_known_inputs, held_closely, refuse_uneven
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
-from .past import fit_with_past
-from .plain import fit_plain
 from .prepared import counts_start, fits_alone
-from .robust import robust_fit
-from .undeclared import decided_by_fit, fit_as_read, read_alike, read_as
+from .single import fit_quietly, fit_whole
+from .undeclared import fit_as_read, read_alike
 
 __all__ = [
     "Estimator",
     "fit",
     "fit_many",
-    "fit_quietly",
     "records_of",
     "structure_of",
     "threads_of",
@@ -307,7 +301,8 @@ def fit_many(
     ----------
     data : Batch or sequence of Record
         Replicates sampled alike run in the compiled core; records that differ in length, rate or
-        intersample are fitted one after the other, with the band of the first. Where nobody declared how an
+        intersample are fitted one after the other, with the band of the first, and so are all of `robust`,
+        `stable` and `reference`. Where nobody declared how an
         input goes between samples, fits of the first four (of equations the first) that look alike decide
         for these, as in `fit`; `FitMany.notes` says so.
     model : TransferFunction, Equation or StateSpace
@@ -325,7 +320,8 @@ def fit_many(
     Raises
     ------
     DataError, SpecError
-        As in `fit`.
+        As in `fit`. A FitError only if it ends every fit; else such records have no estimate, and so have
+        replicates of a batch that one by one raise a DataError (`FitMany.notes`).
 
     See Also
     --------
@@ -347,20 +343,16 @@ def fit_many(
     (3, 3)
     """
     checked = Options.checked("fit_many", **options)
-    if isinstance(data, Batch) or not checked.reference:  # records may keep references
-        checked.refuse_alone("fit_many")
     structure = structure_of(model, "fit_many")
     count = threads_of(threads)
     given = data if isinstance(data, Batch) else records_of(data, "fit_many", together=False)
     read, notes = read_alike(given, structure, checked, fit_quietly)
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
-    if past or fits_alone(read, structure, checked) or _bends(read, structure, checked):
-        each = tuple([read[k] for k in range(len(read))])  # each with a past, or kinks, of its own
-        return fit_each(each, structure, checked, fit_quietly, progress, notes)
-    if isinstance(read, Batch) or _alike(read, checked):
+    alone = past or fits_alone(read, structure, checked) or _bends(read, structure, checked)
+    if not alone and (isinstance(read, Batch) or _alike(read)):
         return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
-    return fit_each(read, structure, checked, fit_quietly, progress, notes)
+    return fit_each(read, structure, checked, fit_whole, progress, notes)
 
 
 def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -> bool:
@@ -372,12 +364,12 @@ def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -
     )
 
 
-def _alike(records: tuple[Record, ...], options: Options) -> bool:
+def _alike(records: tuple[Record, ...]) -> bool:
     """Whether records can go into the compiled core together."""
     uneven = any(rec.dt is None or rec.mask is not None or rec.sigma is not None for rec in records)
     kinds = {(rec.y.shape[1], rec.dt, rec.intersample) for rec in records}
     known = any(rec.functions for rec in records)
-    return not options.reference and not uneven and not known and len(kinds) == 1
+    return not uneven and not known and len(kinds) == 1
 
 
 # The way to the core -----------------------------------------------------------------------------
@@ -388,12 +380,8 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     try:
         if isinstance(data, FrequencyResponse):
             result: Fit = fit_response(data, structure, options)
-        elif options.robust:
-            records = records_of(data)
-            words = decided_by_fit([records], structure, options, fit_quietly)
-            result = robust_fit(read_as(records, words), structure, options, fit_quietly)
         else:
-            result = fit_as_read(records_of(data), structure, options, fit_quietly)
+            result = fit_as_read(records_of(data), structure, options, fit_whole)
     except DataError as error:
         if options.band is None or FEW_LINES not in str(error):
             raise
@@ -401,26 +389,9 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
         raise DataError(
             f"{error}; band= is in rad/s: {edge:.4g} Hz would be {2 * math.pi * edge:.4g} rad/s"
         ) from None
-    if options.stable and result.usable:
-        result = result.stable()
     for text in result.remarks():
         warnings.warn(text, ModfunWarning, stacklevel=4)
     return result
-
-
-def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
-    """One fit without its warnings."""
-    refuse_uneven(records)
-    if options.reference:
-        return referenced_fit(records, structure, options, fit_quietly)
-    if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
-        return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
-    if not isinstance(structure, TransferFunction):
-        made = equations_closely(fit_equation(records, structure, options, fit_quietly), fit_equation)
-        return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
-    if any([rec.functions for rec in records]):
-        return fit_known_inputs(records, structure, options, fit_quietly)
-    return held_closely(fit_plain(records, structure, options, fit_quietly), fit_quietly)
 
 
 # What users give ----------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from ..records.record import Record
 from ..results.estimates import COVARIANCES
 from ..results.fit import Fit
 
-__all__ = ["explained", "referenced_fit"]
+__all__ = ["explained", "referenced_fit", "refuse_reference"]
 
 ROUNDS = 20
 SETTLED = 1e-3  # of a standard error: change of a parameter that ends the rounds
@@ -56,7 +56,7 @@ def referenced_fit(
         Rounds that do not settle, because the reference moves the inputs too little.
     """
     names = options.reference
-    _refuse(records, structure, options)
+    refuse_reference(records, structure, options)
     inner = options.replace(reference=())
     direct = fit_once(records, structure, inner)
     if not direct.usable:
@@ -73,7 +73,8 @@ def referenced_fit(
     return replace(fit, options=options, records=records, instrumented=fit.records, again=fit_once, **widened)
 
 
-def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None:
+def refuse_reference(records: Sequence[Record], structure: Any, options: Options) -> None:
+    """Refuse options, a structure or records that do not go with a reference."""
     given = ", ".join(options.reference)
     alone = options.noise in ("output", "coloured") and options.initial_state == "unknown"
     able = isinstance(structure, TransferFunction) and options.method in ("ml", "awls")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.progress import Progress
 from ..base.words import STATUS
-from ..errors import DataError
+from ..errors import DataError, FitError
 from ..models.options import Options
 from ..models.process import refuse_unknown, with_inputs
 from ..models.transfer_function import TransferFunction
@@ -73,18 +73,37 @@ def fit_batch(
 
 
 def fit_each(
-    records: tuple[Record, ...],
+    data: Batch | tuple[Record, ...],
     structure: Any,
     options: Options,
     fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
     progress: str | bool,
     notes: tuple[str, ...],
 ) -> FitMany:
-    """Fit records of different lengths or rates one after the other, with the band of the first."""
+    """Fit records one after the other, with the band of the first that has a fit.
+
+    A record whose fit ends in a FitError has no estimate, as those that the core cannot fit, and neither has
+    a replicate of a batch that makes no record; where there is no other, the error is raised.
+    """
+    caught = (FitError, DataError) if isinstance(data, Batch) else FitError
+    fits: list[Fit | None] = []
+    failures: dict[int, FitError | DataError] = {}
+    shared = options
     with Progress(progress, *SHOWN) as bar:
-        fits = [fit_one(records[:1], structure, options)]
-        later = options.replace(harmonics=None, band=fits[0].band)
-        for rec in records[1:]:
-            bar(len(fits), len(records))
-            fits.append(fit_one((rec,), structure, later))
+        for k in range(len(data)):
+            bar(k, len(data))
+            try:
+                fit = fit_one((data[k],), structure, shared)
+            except caught as error:
+                fits.append(None)
+                failures[k] = error
+            else:
+                if len(failures) == k:  # the first
+                    shared = options.replace(harmonics=None, band=fit.band)
+                fits.append(fit)
+    if len(failures) == len(data):
+        raise failures[0]
+    if failures:
+        k, text = next(iter(failures.items()))
+        notes = (*notes, f"{len(failures)} of {len(data)} records have no estimate; record {k}: {text}")
     return FitMany.of_fits(fits, structure, options, notes)

@@ -101,7 +101,13 @@ def counts_start(structure: Any, options: Options, data: Batch | Sequence[Record
 
 
 def fits_alone(data: Batch | Sequence[Record], structure: Any, options: Options) -> bool:
-    """Whether noise drives a transfer function some coefficients of which are held, bounded or known."""
+    """Whether records of one kind are fitted one by one, because the core has no batch of such fits.
+
+    Options ask for more than least squares, or noise drives a transfer function some coefficients of which
+    are held, bounded or known.
+    """
+    if not options.is_plain:
+        return True
     if not (options.drives and isinstance(structure, TransferFunction)):
         return False
     first = data if isinstance(data, Batch) else data[0]

@@ -21,7 +21,7 @@ from ..results.priors import shares
 from ..results.slopes import response_slopes
 from ..results.uneven_noise import SHORTEST, level_in_time, unforeseen
 
-__all__ = ["robust_fit"]
+__all__ = ["refuse_robust", "robust_fit"]
 
 ROUNDS = 20
 SETTLED = 0.02  # of a standard error: change of a parameter that ends the rounds
@@ -51,12 +51,7 @@ def robust_fit(
     FitError
         A fit whose response cannot be simulated beside its records.
     """
-    able = options.initial_state in ("unknown", "rest", "zero") and options.method in ("ml", "awls")
-    if not able or options.reference:
-        raise SpecError(
-            'fit: robust=True weights samples, which goes with "ml" and "awls", an initial_state that is '
-            'unknown, "rest" or "zero", and no reference=; leave the other option out'
-        )
+    refuse_robust(options)
     options, equations = options.replace(robust=False), not isinstance(structure, TransferFunction)
     fit = first = fit_once(records, structure, options)
     if not first.usable:
@@ -86,6 +81,16 @@ def robust_fit(
     if not equations:
         wider["cov_spectral"] = _of_scores(fit, records, tail, errors, weights, wider)
     return replace(fit, options=asked, tail=tail, records=weighed if equations else fit.records, **wider)
+
+
+def refuse_robust(options: Options) -> None:
+    """Refuse options that do not go with weighted samples."""
+    able = options.initial_state in ("unknown", "rest", "zero") and options.method in ("ml", "awls")
+    if not able or options.reference:
+        raise SpecError(
+            'fit: robust=True weights samples, which goes with "ml" and "awls", an initial_state that is '
+            'unknown, "rest" or "zero", and no reference=; leave the other option out'
+        )
 
 
 def _of_scores(

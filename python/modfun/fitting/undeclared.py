@@ -78,7 +78,7 @@ class Word(NamedTuple):
 def fit_as_read(records: tuple[Record, ...], structure: Any, options: Options, fit_once: FitOnce) -> Fit:
     """One fit, of records whose open inputs are read as it prefers."""
     words, fits = _asked([records], structure, options, fit_once)
-    if fits and not words and _plain(options) == options:
+    if fits and not words and options.is_plain:
         return fits[0]
     return fit_once(read_as(records, words), structure, options)
 
@@ -196,7 +196,7 @@ def _asked(
         return {}, []
     computed = {which for which, (look, _) in looks.items() if loop and _computed(each, which, look)}
     found = {which: Word("zoh", LOOP) for which in computed}
-    plain = _plain(options)
+    plain = options.plain()  # of the fits that are compared
     asked = [(records, _fit(read_as(records, found), structure, plain, fit_once)) for records in each]
     each = [records for records, fit in asked if fit is not None]
     fits = [fit for _, fit in asked if fit is not None]
@@ -304,11 +304,6 @@ def _fed_back(fit: Fit) -> bool:
     """Whether a loop brings the noise back to an input, which most often is closed by a computer."""
     found = feedback(fit)
     return found is not None and found.p_value < UNLIKELY
-
-
-def _plain(options: Options) -> Options:
-    """Options of the fits that are compared."""
-    return options.replace(reference=(), robust=False, stable=False)
 
 
 def _fit(records: Any, structure: Any, options: Options, fit_once: FitOnce) -> Fit | None:

@@ -16,7 +16,8 @@ from ..base.progress import Progress
 from ..base.student import confidence, root, student_tail
 from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
-from ..fitting.fit import fit_many, fit_quietly, threads_of
+from ..fitting.fit import fit_many, threads_of
+from ..fitting.single import fit_quietly
 from ..models.free import Free, priors_of, to_plain
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction

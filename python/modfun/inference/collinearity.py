@@ -9,7 +9,8 @@ from ..base.arguments import public
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import SpecError
-from ..fitting.fit import Estimator, fit_quietly, records_of, structure_of
+from ..fitting.fit import Estimator, records_of, structure_of
+from ..fitting.single import fit_quietly
 from ..fitting.undeclared import fit_as_read
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction

@@ -12,7 +12,8 @@ from ..base.arrays import F64
 from ..base.tables import Table
 from ..base.words import TRENDS
 from ..errors import DataError, FitError, SpecError
-from ..fitting.fit import Estimator, fit_quietly, records_of
+from ..fitting.fit import Estimator, records_of
+from ..fitting.single import fit_whole
 from ..fitting.undeclared import fit_as_read
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
@@ -321,7 +322,7 @@ def cross_validate(
     for name, estimator in made.items():
         for k, rec in enumerate(all_records):
             others = all_records[:k] + all_records[k + 1 :]
-            fit = fit_as_read(others, estimator.model, estimator.options, fit_quietly)
+            fit = fit_as_read(others, estimator.model, estimator.options, fit_whole)
             status = fit.status
             rows: list[dict[str, Any]] = [{"output": output} for output in rec.outputs]
             try:

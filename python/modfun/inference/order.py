@@ -18,8 +18,9 @@ from ..base.cached import cached_property
 from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
 from ..fitting.candidates import best_of
-from ..fitting.fit import FEW_LINES, fit_quietly, records_of
+from ..fitting.fit import FEW_LINES, records_of
 from ..fitting.prepared import plain_words
+from ..fitting.single import fit_quietly
 from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction

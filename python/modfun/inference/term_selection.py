@@ -17,7 +17,7 @@ from ..base.cached import cached_property
 from ..base.tables import Table
 from ..equations.equation import Equation
 from ..errors import ModfunError
-from ..fitting.fit import fit_quietly
+from ..fitting.single import fit_quietly
 from ..models.noise import Noise
 from ..models.options import Options
 from ..records.record import Record

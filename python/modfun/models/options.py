@@ -72,11 +72,16 @@ class Options:
     extended: bool = True
     tol: float = 1e-9
     maxiter: int = 50
-    stable: bool = field(default=False, repr=False)  # no study has it
-    # A word, or the given state of each record; in hashes of studies where it is not this.
+    stable: bool = field(default=False, repr=False)
+    # A word, or the given state of each record.
     initial_state: str | tuple[tuple[float, ...], ...] = field(default="unknown", repr=False)
-    robust: bool = field(default=False, repr=False)  # no study has it
-    reference: tuple[str, ...] = field(default=(), repr=False)  # no study has it
+    robust: bool = field(default=False, repr=False)
+    reference: tuple[str, ...] = field(default=(), repr=False)
+
+    def __repr__(self) -> str:
+        # Studies on disk are known by this text: options that came later are in it where they are given.
+        shown = [f.name for f in fields(self) if f.repr or getattr(self, f.name) != f.default]
+        return f"Options({', '.join(f'{name}={getattr(self, name)!r}' for name in shown)})"
 
     @classmethod
     def checked(cls, what: str, **given: Any) -> Options:
@@ -113,6 +118,15 @@ class Options:
     def replace(self, **changes: Any) -> Options:
         """The same with some options changed (unchecked)."""
         return replace(self, **changes)
+
+    def plain(self) -> Options:
+        """The same as one problem of least squares, without what `fit` makes of its answer and records."""
+        return self if self.is_plain else self.replace(reference=(), robust=False, stable=False)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether they ask for one problem of least squares."""
+        return not (self.robust or self.stable or self.reference)
 
     def given(self) -> dict[str, Any]:
         """Options that differ from the defaults, by name."""
@@ -151,7 +165,8 @@ class Options:
         for name in (*SWITCHES, "reference"):
             if getattr(self, name):
                 raise SpecError(
-                    f"{what}: {name}={getattr(self, name)!r} is for mf.fit, one fit at a time; leave it out"
+                    f"{what}: {name}={getattr(self, name)!r} is for mf.fit, mf.fit_many, Estimators and "
+                    "studies; leave it out"
                 )
 
     @property

@@ -47,7 +47,7 @@ class FitMany(Elsewhere):
         Which records have noise that changes, as the test finds and `bse` allows for. All False for
         options that have no such test.
     status : (replicate,) array of str
-        "ok", "maxiter", "rank" or "nonfinite".
+        "ok", "maxiter", "rank" or "nonfinite"; the last also of a record whose fit ended in a FitError.
     cost : (replicate,) array
     nit : (replicate,) array of int
     param_names : tuple of str
@@ -65,7 +65,8 @@ class FitMany(Elsewhere):
     level_names : tuple of str
         What each of them is of, such as "measurement of y" and "process of y".
     notes : tuple of str
-        How inputs that nobody declared are read where their samples leave it open, in sentences.
+        How inputs that nobody declared are read where their samples leave it open, and how many fits ended
+        in a FitError, with the text of the first; in sentences.
     """
 
     _elsewhere = FITS
@@ -192,26 +193,37 @@ class FitMany(Elsewhere):
 
     @staticmethod
     def of_fits(
-        fits: Sequence[Fit], structure: Any, options: Options, notes: tuple[str, ...] = ()
+        fits: Sequence[Fit | None], structure: Any, options: Options, notes: tuple[str, ...] = ()
     ) -> FitMany:
-        """Single fits as one result; what differs between them is that of the first."""
-        first = fits[0]
+        """Single fits as one result, None for a record without; what differs is that of the first."""
+        good = [f for f in fits if f is not None]
+        first, place = good[0], np.flatnonzero([f is not None for f in fits])
+
+        def rows(values: Any, missing: Any = np.nan) -> Any:
+            own = np.asarray(values)
+            every = np.full((len(fits), *own.shape[1:]), missing, np.result_type(own, np.asarray(missing)))
+            every[place] = own
+            return every
+
+        driven = _driven([_of_fit(f) for f in good], first.layout, options)
+        if "levels" in driven:
+            driven["levels"] = tuple([rows(values) for values in driven["levels"]])
         made = FitMany(
-            params=np.array([f.params for f in fits]),
-            bse_even=np.array([root(np.diag(Estimates.cov_params(f))) for f in fits]),
-            status=np.array([f.status for f in fits]),
-            cost=np.array([f.cost for f in fits]),
-            nit=np.array([f.nit for f in fits]),
+            params=rows([f.params for f in good]),
+            bse_even=rows([root(np.diag(Estimates.cov_params(f))) for f in good]),
+            status=rows([f.status for f in good], "nonfinite"),
+            cost=rows([f.cost for f in good]),
+            nit=rows([f.nit for f in good], 0),
             param_names=first.param_names,
             df_resid=first.df_resid,
-            degrees=np.array([np.broadcast_to(f.degrees, f.params.shape) for f in fits]),
+            degrees=rows([np.broadcast_to(f.degrees, f.params.shape) for f in good]),
             band=first.band,
             structure=structure,
             options=options,
             notes=notes,
-            **_driven([_of_fit(f) for f in fits], first.layout, options),
+            **driven,
         )
-        made.__dict__["_looked"] = np.array([f.changing for f in fits]), np.array([f.bse for f in fits])
+        made.__dict__["_looked"] = rows([f.changing for f in good], False), rows([f.bse for f in good])
         return made
 
     @staticmethod

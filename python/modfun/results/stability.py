@@ -18,7 +18,7 @@ from .derived import stable
 from .estimates import COVARIANCES, Estimates
 from .priors import distance
 
-__all__ = ["MARGIN", "deviance", "stable_neighbour"]
+__all__ = ["MARGIN", "deviance", "refuse_stable", "stable_neighbour"]
 
 MARGIN = 0.01  # poles lie left of −MARGIN/T, T the longest record
 ACTIVE = 1e-6  # coefficients of a section below this part of its size stand at the margin
@@ -40,7 +40,7 @@ def stable_neighbour(fit: Any) -> Any:
     FitError
         Where no start leads to an estimate.
     """
-    _refuse(fit)
+    refuse_stable(fit)
     duration = 2 * pi / min(fit.omega0)
     margin = MARGIN / duration
     if stable(fit):
@@ -68,7 +68,8 @@ def deviance(fit: Estimates) -> float:
     return float(fit.bic - fit.params.size * log(fit.df_resid + fit.params.size)) + distance(fit)
 
 
-def _refuse(fit: Any) -> None:
+def refuse_stable(fit: Any) -> None:
+    """Refuse a fit that has no stable neighbour, whatever its poles."""
     if not isinstance(fit.structure, TransferFunction) or fit.again is None or fit.records is None:
         raise SpecError(
             "stable: this is for transfer functions fitted to records; of a StateSpace or an Equation bound "

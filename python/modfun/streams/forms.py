@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from ..base.arrays import F64
 from ..base.between import AUTO, form_of
-from ..fitting.fit import Estimator, fit_quietly
+from ..fitting.fit import Estimator
+from ..fitting.single import fit_quietly
 from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..records.record import Record
 

@@ -18,8 +18,9 @@ from ..base.progress import Progress
 from ..base.samples import Names, intersample_of
 from ..base.words import STATUS
 from ..errors import DataError, SpecError
-from ..fitting.fit import Estimator, fit_quietly
+from ..fitting.fit import Estimator
 from ..fitting.prepared import Prepared, prepare_stream, refuse_standing
+from ..fitting.single import fit_quietly
 from ..models.layout import Layout
 from ..models.noise import Noise
 from ..models.options import Options

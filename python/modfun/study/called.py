@@ -17,8 +17,9 @@ import numpy as np
 from .._core import count_errors
 from ..base.arrays import F64, I64
 from ..base.student import student_factor
-from ..errors import ModfunError, ModfunWarning
-from ..fitting.fit import Estimator, fit_many, fit_quietly
+from ..errors import ModfunWarning
+from ..fitting.fit import Estimator, fit_many
+from ..fitting.single import fit_whole
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.many import FitMany
@@ -166,7 +167,7 @@ class _Cell:
         start = time.perf_counter()
         rows = np.array([row for row, _ in self._waiting])
         own = self.contender.estimators[self.group.index]
-        for places, found in _fit_records(own, [rec for _, rec in self._waiting]):
+        for places, found in _fit_records(own, [rec for _, rec in self._waiting], self.contender.alone):
             mine = rows[places]
             if isinstance(found, str):
                 self.fail(int(mine[0]), found)
@@ -220,11 +221,13 @@ class _Cell:
 
 def _fit_one(own: Estimator, rec: Record) -> Fit:
     """A fit without its warnings."""
-    return fit_quietly((rec,), own.model, own.options)
+    return fit_whole((rec,), own.model, own.options)
 
 
-def _fit_records(own: Estimator, records: Sequence[Record]) -> Iterator[tuple[list[int], FitMany | str]]:
-    """Fit every record, those of one sampling together; the same numbers as one by one.
+def _fit_records(
+    own: Estimator, records: Sequence[Record], alone: bool
+) -> Iterator[tuple[list[int], FitMany | str]]:
+    """Fit every record, those of one sampling together unless alone; the same numbers as one by one.
 
     Yields
     ------
@@ -235,7 +238,8 @@ def _fit_records(own: Estimator, records: Sequence[Record]) -> Iterator[tuple[li
     """
     alike: dict[object, list[int]] = {}
     for k, rec in enumerate(records):
-        alike.setdefault((rec.intervals, rec.dt, rec.intersample) if rec.dt is not None else k, []).append(k)
+        together = rec.dt is not None and not alone
+        alike.setdefault((rec.intervals, rec.dt, rec.intersample) if together else k, []).append(k)
     for places in alike.values():
         yield from _fits_of(own, records, places)
 
@@ -244,11 +248,15 @@ def _fits_of(
     own: Estimator, records: Sequence[Record], places: list[int]
 ) -> Iterator[tuple[list[int], FitMany | str]]:
     few = [records[k] for k in places]
+
+    def fit_all(some: Sequence[Record]) -> FitMany:
+        return fit_many(some, own.model, threads=1, progress=False, **own.options.given())
+
     try:
-        yield places, fit_many(few, own.model, threads=1, progress=False, **own.options.given())
-    except ModfunError as error:
+        yield places, attempt("", fit_all, few)
+    except Failed as failed:
         if len(places) == 1:
-            yield places, f"{type(error).__name__}: {error}"
+            yield places, str(failed)
             return
         for place in places:  # one may stand still where the others move
             yield from _fits_of(own, records, [place])

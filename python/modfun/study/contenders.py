@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,8 +11,8 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.callables import source
 from ..base.names import nearest
-from ..errors import DataError, ModfunWarning, SpecError
-from ..fitting.fit import Estimator, fit_quietly
+from ..errors import DataError, FitError, SpecError
+from ..fitting.fit import Estimator
 from ..fitting.prepared import (
     counts_start,
     joint_words,
@@ -22,6 +21,7 @@ from ..fitting.prepared import (
     refuse_process_noise,
     spans,
 )
+from ..fitting.single import fit_quietly, fit_whole, refuse_whole
 from ..fitting.undeclared import Which, Word, decided_by_fit, read_as
 from ..fitting.weights import weighting
 from ..models.layout import Layout
@@ -30,6 +30,7 @@ from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
+from .functions import Failed
 from .generated import Generated
 from .groups import Group
 
@@ -57,8 +58,9 @@ class Contender:
         True parameters, one per group; nan where unknown.
     words : tuple of dict
         How open inputs of undeclared records are read, decided once by the first record of each group.
-    with_past : bool
-        Whether what it knows of the start stands before records as their past, which no batch can do.
+    alone : bool
+        Whether it fits each record by itself, in no batch: what it knows of the start stands before records
+        as their past, or its options ask for more than least squares.
     """
 
     name: str
@@ -68,7 +70,7 @@ class Contender:
     params: tuple[tuple[str, ...], ...]
     truth: tuple[F64, ...]
     words: tuple[dict[Which, Word], ...] = ()
-    with_past: bool = False
+    alone: bool = False
 
     def read(self, group: Group | Generated, rec: Record) -> Record:
         """The record as the estimator reads it: no record of a study decides by itself."""
@@ -117,8 +119,7 @@ class Contender:
         own = self.estimators[group.index]
         own_model = own.model
         told = repr(own_model) if isinstance(own_model, TransferFunction) else own_model.to_dict()
-        words = [told, repr(own.options.settled())]
-        return words if own.options.initial_state == "unknown" else [*words, own.options.initial_state]
+        return [told, repr(own.options.settled())]
 
 
 def contenders(
@@ -127,10 +128,13 @@ def contenders(
     model: Any,
     found: Sequence[Group | Generated],
     firsts: Sequence[Record],
+    seed: int,
+    nsr: float,
 ) -> tuple[Contender, ...]:
     """Check the estimators of a study and make them ready for its groups.
 
-    `firsts` has a record of each group, on which bands are chosen: noise-free where there is a system.
+    `firsts` has a record of each group, on which bands are chosen: noise-free where there is a system. Bands
+    of robust fits follow the weights, so that replicate 0 at the highest `nsr` decides.
     """
     words = WORDS["method"]
     if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
@@ -171,7 +175,6 @@ def contenders(
             if value not in words:
                 raise SpecError(f"MonteCarlo: there is no method {value!r}; {nearest(value, words)}")
             checked = Options.checked("MonteCarlo", **{**options, "method": value})
-            checked.refuse_alone("MonteCarlo")
             if None in structures:
                 raise SpecError(
                     f"MonteCarlo: the method {value!r} needs a structure, and there is no system to take it "
@@ -179,7 +182,6 @@ def contenders(
                 )
             own = tuple(Estimator(s, **checked.given()) for s in structures if s is not None)
         elif isinstance(value, Estimator):
-            value.options.refuse_alone(f"MonteCarlo: estimator {name!r}")
             own = (value,) * len(found)
         elif callable(value) and not isinstance(value, type):
             made.append(_contender(str(name), value, (), structures, found))
@@ -193,13 +195,19 @@ def contenders(
             decided_by_fit([(rec,)], e.model, e.options, fit_quietly, many=True)
             for e, rec in zip(own, firsts, strict=True)
         )
+        for e, g, rec in zip(own, found, firsts, strict=True):
+            _refuse(name, e, g, rec)
+        decisive = [
+            _noisy(g, rec, seed, nsr) if e.options.robust else rec
+            for e, g, rec in zip(own, found, firsts, strict=True)
+        ]
         settled = tuple(
             _settled(e, g, read_as((rec,), one)[0])
-            for e, g, rec, one in zip(own, found, firsts, read, strict=True)
+            for e, g, rec, one in zip(own, found, decisive, read, strict=True)
         )
-        past = any(_has_past(e, rec) for e, rec in zip(own, firsts, strict=True))
+        alone = any(not e.options.is_plain or _has_past(e, rec) for e, rec in zip(own, firsts, strict=True))
         one = _contender(str(name), None, settled, tuple(e.model for e in own), found)
-        made.append(replace(one, words=read, with_past=past))
+        made.append(replace(one, words=read, alone=alone))
     return tuple(made)
 
 
@@ -239,7 +247,7 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
     layout = own.model.layout(rec.outputs, rec.inputs)  # refuses what does not go together
     if isinstance(group, Group):
         _refuse_standing(layout, rec)
-    if _has_past(own, rec):
+    if _has_past(own, rec) or options.robust:
         return _settled_by_fit(own, group, rec)
     if options.band is not None or options.harmonics is not None:
         return own
@@ -250,6 +258,31 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
         return Estimator(own.model, **options.replace(harmonics=high - max(layout.orders)).given())
     omega0 = float(found["omega0"][0])  # in rad/s, as records may differ in length
     return Estimator(own.model, **options.replace(band=(low * omega0, high * omega0)).given())
+
+
+def _noisy(group: Group | Generated, rec: Record, seed: int, nsr: float) -> Record:
+    """Replicate 0 of a group; the record that is given where that is it, or where there is none."""
+    if not isinstance(group, Group):
+        return rec
+    try:
+        return group.records(seed, 0, [nsr * group.scale])[0]
+    except (Failed, SpecError):  # the replicates say so
+        return rec
+
+
+def _refuse(name: str, own: Estimator, group: Group | Generated, rec: Record) -> None:
+    """Refuse options by which no replicate could be fitted."""
+    missing = [one for one in own.options.reference if one not in rec.inputs]
+    if missing and isinstance(group, Group):
+        raise SpecError(
+            f"MonteCarlo: estimator {name!r}: reference={missing[0]!r}: simulated records have no such "
+            f"channel, only the inputs {', '.join(rec.inputs)}; make the records with generate=, a function "
+            f"that returns mf.Record(..., keep={{{missing[0]!r}: samples}})"
+        )
+    try:
+        refuse_whole((rec,), own.model, own.options)
+    except (SpecError, DataError) as error:
+        raise type(error)(f"MonteCarlo: estimator {name!r}: {error}") from None
 
 
 def _refuse_standing(layout: Layout, rec: Record) -> None:
@@ -264,12 +297,14 @@ def _refuse_standing(layout: Layout, rec: Record) -> None:
 
 
 def _settled_by_fit(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
-    """As `_settled`, for equations and records with a past: by a fit of the record."""
+    """As `_settled`, for equations, records with a past and robust fits: by a fit of the record."""
     if own.options.band is not None or own.options.harmonics is not None:
         return own
-    with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", ModfunWarning)
-        fit = own(rec)
+    with np.errstate(all="ignore"):
+        try:
+            fit = fit_whole((rec,), own.model, own.options)
+        except FitError:  # one replicate without an estimate
+            fit = fit_quietly((rec,), own.model, own.options.plain())
     by_lines = isinstance(group, Group) and not _has_past(own, rec)
     chosen = {"harmonics": fit.harmonics} if by_lines else {"band": fit.band}
     return Estimator(own.model, **own.options.replace(**chosen).given())

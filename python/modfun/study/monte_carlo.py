@@ -112,8 +112,10 @@ class MonteCarlo:
         What the input does between its samples; default: as in `simulate`.
     **options
         Options of `fit` for the method names: band, harmonics, trend, rule, extended, tol, maxiter,
-        cov_type. With neither band nor harmonics the band is chosen for each system and input on the
-        noise-free response, with `generate` on the first record of each cell, and used for every replicate.
+        cov_type, robust, stable, reference. With neither band nor harmonics the band is chosen for each
+        system and input on the noise-free response, with `generate` on the first record of each cell, of
+        robust fits on replicate 0 at the highest nsr, and used for every replicate. A reference is an input,
+        or a channel that the records of `generate` keep.
 
     Raises
     ------
@@ -206,7 +208,7 @@ class MonteCarlo:
             firsts = [g.record(g.y) for g in found if isinstance(g, Group)]
             if (doubt := doubtful_nsr("MonteCarlo", max(axes[-1].labels))) is not None:
                 warnings.warn(doubt, ModfunWarning, stacklevel=3)
-        made = contenders(estimators, options, model, found, firsts)
+        made = contenders(estimators, options, model, found, firsts, seed, max(axes[-1].labels))
         _known_names(truth, made)
         self.plan = Plan(axes=axes, groups=found, contenders=made, metrics=_metrics(metrics), seed=seed)
 
@@ -307,9 +309,10 @@ class MonteCarlo:
         if not isinstance(coverage, bool | np.bool_):
             raise SpecError(f"run: coverage={coverage!r} must be True or False")
         users = dict.fromkeys(what for what, _ in self.plan.functions)
-        if users and draw == "coefficients":
+        if draw == "coefficients" and (users or self.plan.made):
+            needing = ", ".join(users) or "estimators that are fitted in Python"
             raise SpecError(
-                f"run: draw='coefficients' makes no samples, which {', '.join(users)} would need; use "
+                f"run: draw='coefficients' makes no samples, which {needing} would need; use "
                 "draw='samples', or a study of its own for the methods"
             )
         most = MOST if until is not None else self.replicates

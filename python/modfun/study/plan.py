@@ -50,9 +50,9 @@ class Plan:
         """Whether records or fits are needed in Python, so that no estimator can run in the core's study.
 
         Noise levels for errors in variables are told by the records themselves; equations, and structures
-        with priors, are fitted in batches, records with a past one by one.
+        with priors, are fitted in batches, records of some estimators one by one.
         """
-        seen = any(c.with_past for c in self.contenders) or any(
+        seen = any(c.alone for c in self.contenders) or any(
             own.options.noise == "errors-in-variables"
             or not isinstance(own.model, TransferFunction)
             or bool(priors_of(own.model))

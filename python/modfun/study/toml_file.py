@@ -62,6 +62,7 @@ den = [1, 0.2, 1]
 #   [estimators]
 #   "ml, wide band" = { method = "ml", harmonics = 20, model = { poles = 2, zeros = 0 } }
 #   "at rest" = { method = "ml", initial_state = "rest", model = { poles = 2, zeros = 0 } }
+#   "heavy tails" = { method = "ml", robust = true, model = { poles = 2, zeros = 0 } }
 #   prior = { method = "ml", model = { poles = 2, zeros = 0, params = { a1 = { start = 2.9, sd = 0.1 } } } }
 #   oe = { rival = "output_error", model = { poles = 2, zeros = 0 } }
 #   mine = "my_functions:mine"   # mine(record, rng) in my_functions.py beside this file
@@ -334,6 +335,9 @@ OPTIONS: dict[str, Reader] = {
     "extended": values.plain("true or false", bool),
     "tol": values.plain("a number", int, float),
     "maxiter": values.plain("a whole number", int),
+    "robust": values.plain("true or false", bool),
+    "stable": values.plain("true or false", bool),
+    "reference": values.several("the name of a channel, or a list of names", str),
 }
 ESTIMATOR = OPTIONS | {
     "model": _structure,

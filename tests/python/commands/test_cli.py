@@ -408,6 +408,8 @@ def test_without_typer_one_sentence_names_the_extra(monkeypatch, capsys):
         ("say with outputs= which; name it with time=.", "say with --output which; name it with --time."),
         ('First try initial_state="unknown".', "First try --initial-state unknown."),
         ("take rec.select(outputs=['y'])", "take rec.select(outputs=['y'])"),
+        ("leave it out, or weight all, robust=True.", "leave it out, or weight all, --robust."),
+        ("fit: reference='r', but record 0 keeps none", "fit: --reference r, but record 0 keeps none"),
     ],
 )
 def test_messages_are_in_the_words_of_the_command_line(said, here):
@@ -486,3 +488,21 @@ def test_equations_and_state_spaces_are_fitted_from_text(table, tmp_path, capsys
 def test_what_does_not_go_together_is_refused(table, capsys, words, said):
     assert main(["fit", str(table), "--output", "q", "--input", "de", *words]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_robust_and_stable_fits(tmp_path, capsys):
+    rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
+    noise = 0.02 * np.random.default_rng(0).standard_t(2.2, rec.t.size)
+    path, model = tmp_path / "run.csv", mf.TransferFunction(poles=2, zeros=0)
+    np.savetxt(path, np.column_stack([rec.t, rec["y"] + noise, rec["u"]]), delimiter=",",
+               header="t_s,q,de", comments="", fmt="%.17g")  # fmt: skip
+    read = mf.read(path, outputs=["q"], inputs=["de"])
+    found = {}
+    for name in ("robust", "stable"):
+        assert main(["fit", str(path), *FIT, f"--{name}", "--json", "-"]) == 0
+        found[name] = params(capsys)
+    assert found["robust"] == mf.fit(read, model, robust=True).params.tolist()
+    assert found["stable"] == mf.fit(read, model, stable=True).params.tolist()
+    assert found["robust"] != found["stable"]
+    assert main(["fit", str(path), *FIT, "--robust", "--method", "ls"]) == 2
+    assert "modfun: fit: --robust weights samples" in capsys.readouterr().err

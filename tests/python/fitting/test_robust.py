@@ -138,14 +138,7 @@ def test_several_outputs_records_and_equations() -> None:
         (lambda: mf.fit(spiked(0), MODEL, robust="yes"), "robust='yes' must be True"),
         (lambda: mf.fit(spiked(0), MODEL, robust=True, method="ls"), "leave the other option out"),
         (lambda: mf.fit(spiked(0), MODEL, robust=True, initial_state="periodic"), "leave the other"),
-        (lambda: mf.fit_many([spiked(0)], MODEL, robust=True), "robust=True is for mf.fit"),
-        (
-            lambda: mf.MonteCarlo(
-                system=SYSTEM, input="sin(t)", duration=5.0, intervals=64, nsr=0.1,
-                estimators={"r": mf.Estimator(MODEL, robust=True)}, replicates=5,
-            ),
-            "'r': robust=True is for mf.fit",
-        ),
+        (lambda: mf.select_order(spiked(0), robust=True), "robust=True is for mf.fit, mf.fit_many"),
     ],
 )  # fmt: skip
 def test_where_it_is_not_to_be_had(call: Any, says: str) -> None:

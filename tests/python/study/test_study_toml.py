@@ -60,13 +60,7 @@ def equal(one: mf.MonteCarlo, two: mf.MonteCarlo) -> bool:
 
 def test_each_key_is_an_argument_of_the_study() -> None:
     arguments = set(inspect.signature(mf.MonteCarlo.__init__).parameters) - {"self", "options"}
-    # Studies fit freely: stable=, robust= and reference= are for one fit at a time.
-    assert set(toml_file.KEYS) == arguments | set(Options.__dataclass_fields__) - {
-        "method",
-        "stable",
-        "robust",
-        "reference",
-    }
+    assert set(toml_file.KEYS) == arguments | set(Options.__dataclass_fields__) - {"method"}
 
 
 def test_the_example_is_the_same_study_in_python(file: Any) -> None:
@@ -93,7 +87,7 @@ def test_the_estimators_in_the_comments_of_the_example_can_be_used(file: Any, tm
     assert inner is not None
     text = re.sub(r"(?m)^(estimators|harmonics|trend) = .*\n", "", toml_file.EXAMPLE)
     study = toml_file.load(file(text + re.sub(r"(?m)^#   ", "", inner[0])))
-    assert study.estimators == ("ml, wide band", "at rest", "prior", "oe", "mine")
+    assert study.estimators == ("ml, wide band", "at rest", "heavy tails", "prior", "oe", "mine")
 
 
 def test_what_is_known_has_the_words_of_python(file: Any) -> None:

@@ -1,0 +1,64 @@
+"""Single fits without their warnings: one problem of least squares, and what options ask for beside it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from ..models.options import Options
+from ..models.transfer_function import TransferFunction
+from ..records.record import Record
+from ..results.fit import Fit
+from ..results.stability import refuse_stable
+from .instruments import referenced_fit, refuse_reference
+from .known_inputs import equations_closely, fit_known_inputs, held_closely, refuse_uneven
+from .of_equations import fit_equation
+from .past import fit_with_past
+from .plain import fit_plain
+from .prepared import counts_start
+from .robust import refuse_robust, robust_fit
+
+__all__ = ["fit_quietly", "fit_whole", "refuse_whole"]
+
+
+def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+    """One fit without its warnings."""
+    refuse_uneven(records)
+    if options.reference:
+        return referenced_fit(records, structure, options, fit_quietly)
+    if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
+        return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
+    if not isinstance(structure, TransferFunction):
+        made = equations_closely(fit_equation(records, structure, options, fit_quietly), fit_equation)
+        return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
+    if any([rec.functions for rec in records]):
+        return fit_known_inputs(records, structure, options, fit_quietly)
+    return held_closely(fit_plain(records, structure, options, fit_quietly), fit_quietly)
+
+
+def fit_whole(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+    """The same with samples weighted and poles kept stable where the options say so.
+
+    Fits of a result that is there, `Fit.again`, are without: its records hold the weights.
+    """
+    if options.robust:
+        fit: Fit = robust_fit(records, structure, options, fit_quietly)
+    else:
+        fit = fit_quietly(records, structure, options)
+    return fit.stable() if options.stable and fit.usable else fit
+
+
+def refuse_whole(records: tuple[Record, ...], structure: Any, options: Options) -> None:
+    """Refuse, before there are many of them, fits whose options go together with none of such records.
+
+    Raises
+    ------
+    SpecError, DataError
+        As `fit_whole` would raise it.
+    """
+    if options.robust:
+        refuse_robust(options)
+    if options.reference:
+        refuse_reference(records, structure, options)
+    if options.stable:
+        refuse_stable(fit_quietly(records, structure, options.plain()))
