@@ -117,3 +117,27 @@ def test_options_that_came_later_are_in_the_text_where_they_are_given() -> None:
         assert own.is_plain == (name == "initial_state")
         assert own.plain() == (own if own.is_plain else plain)
         assert eval(repr(own), {"Options": Options}) == own
+
+
+@pytest.mark.filterwarnings("ignore::modfun.errors.ModfunWarning")
+def test_bootstrap_refits_as_the_fit_was_made() -> None:
+    """Noise is normal here, so robust refits are plain ones; the bootstrap refused such fits."""
+    noise = 0.02 * np.random.default_rng(0).normal(size=129)
+    rec = CLEAN.assign(y=CLEAN["y"] + noise)
+    plain, stable, robust = (
+        mf.bootstrap(mf.fit(rec, TF2, **words), replicates=20, seed=1)
+        for words in ({}, {"stable": True}, {"robust": True})
+    )
+    np.testing.assert_allclose(stable.sd, plain.sd, rtol=1e-6)
+    np.testing.assert_allclose(robust.sd, plain.sd, rtol=1e-6)
+
+
+@pytest.mark.filterwarnings("ignore::modfun.errors.ModfunWarning")
+def test_cross_validation_fits_as_the_estimator_says() -> None:
+    """It left robust= and stable= out in silence."""
+    records = [heavy(seed) for seed in range(3)]
+    table = mf.cross_validate(records, {"plain": TF2, "robust": mf.Estimator(TF2, robust=True)})
+    own = mf.fit(records[1:], TF2, robust=True).score(records[0])
+    scores = dict(zip(zip(table["model"], table["record"], strict=True), table["fit_percent"], strict=True))
+    assert scores["robust", 0] == pytest.approx(own["fit_percent"][0], rel=1e-9)
+    assert scores["plain", 0] != scores["robust", 0]

@@ -99,12 +99,7 @@ def test_what_has_none_is_told_so():
         mf.fit(rec, mf.TransferFunction(poles=2, zeros=0, params={"a1": -0.1}), stable=True)
     with pytest.raises(mf.SpecError, match="transfer functions"):
         mf.fit(rec, mf.Equation("y'' + a*y' + b*y = c*u"), stable=True)
-    with pytest.raises(mf.SpecError, match="one fit at a time"):
-        mf.fit_many([rec, rec], TWO, stable=True)
     with pytest.raises(mf.SpecError, match="stable='yes' must be True"):
         mf.fit(rec, TWO, stable="yes")
-    with pytest.raises(mf.SpecError, match=r"'ml': stable=True is for mf\.fit"):
-        mf.MonteCarlo(
-            system=LIGHT, input="sin(t**2/5)", duration=10.0, intervals=128, nsr=0.5, replicates=8, seed=1,
-            estimators={"ml": mf.Estimator(TWO, stable=True)},
-        )  # fmt: skip
+    with pytest.raises(mf.SpecError, match=r"select_order: stable=True is for mf\.fit, mf\.fit_many"):
+        mf.select_order(rec, stable=True)
