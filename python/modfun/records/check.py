@@ -11,6 +11,7 @@ from ..base.arrays import F64
 from ..base.between import CLOSE, LOOP, form_of
 from ..base.tables import Findings
 from ..base.units import angle_of
+from .joints import joints
 from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
@@ -36,7 +37,7 @@ def check_record(record: Samples) -> Findings:
             sentences += _outliers(record, name)
         if name in record.outputs:
             sentences += _trend(record, name)
-    sentences += [*_noise(record), *_alike(record), *mixed_angles(record)]
+    sentences += [*_joined(record), *_noise(record), *_alike(record), *mixed_angles(record)]
     size = f"{len(record.t)} samples of {', '.join((*record.outputs, *record.inputs))}"
     return Findings(f"Record, {size}", sentences)
 
@@ -44,6 +45,7 @@ def check_record(record: Samples) -> Findings:
 def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
     """What bears on any fit of the record and its residuals may not show: kind, channel, sentence."""
     yield from (("rows", "", text) for text in _missing(record))
+    yield from (("joint", "", text) for text in _joined(record))
     for name in (*record.outputs, *record.inputs):
         if np.ptp(record[name]) == 0:
             continue
@@ -104,6 +106,20 @@ def _clock(record: Samples) -> Iterator[str]:
     yield (
         f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g} s, and times stray from an even grid by "
         f"up to {100 * stray:.2g} % of a step.{rounded}"
+    )
+
+
+def _joined(record: Samples) -> Iterator[str]:
+    found = joints(record)
+    if not found:
+        return
+    name, before, size = found[0]
+    others = f", and {_count(len(found) - 1, 'other time')} in the outputs" if len(found) > 1 else ""
+    after = record.t[np.searchsorted(record.t, before, side="right")]
+    yield (
+        f"Output {name!r} jumps by {size:.3g} after t = {before:.6g} s{others}, and no input does. If records "
+        f"were joined end to end, fit the pieces as a list: [rec.window({record.t[0]:.6g}, {before:.6g}), "
+        f"rec.window({after:.6g}, {record.t[-1]:.6g})]."
     )
 
 

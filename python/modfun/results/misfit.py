@@ -315,7 +315,8 @@ def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
         )
     return (
         f"Something short at about t = {one.time:.4g} s is in {y} and not in the model ({chance}). First "
-        "look there, fit.plot_response(), for a gust, a step of another input or a fault."
+        "look there, fit.plot_response(), for a gust, a step of another input, a fault, or records joined "
+        "end to end."
     )
 
 
