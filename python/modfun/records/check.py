@@ -118,8 +118,8 @@ def _joined(record: Samples) -> Iterator[str]:
     after = record.t[np.searchsorted(record.t, before, side="right")]
     yield (
         f"Output {name!r} jumps by {size:.3g} after t = {before:.6g} s{others}, and no input does. If "
-        f"records were joined end to end, fit the pieces as a list: [rec.window({record.t[0]:.6g}, {before:.6g}), "
-        f"rec.window({after:.6g}, {record.t[-1]:.6g})]."
+        f"records were joined end to end, fit the pieces as a list: "
+        f"[rec.window({record.t[0]:.6g}, {before:.6g}), rec.window({after:.6g}, {record.t[-1]:.6g})]."
     )
 
 
