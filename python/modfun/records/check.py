@@ -11,6 +11,7 @@ from ..base.arrays import F64
 from ..base.between import CLOSE, LOOP, form_of
 from ..base.tables import Findings
 from ..base.units import angle_of
+from .dead_band import dead_band
 from .joints import joints
 from .mask import runs
 from .samples import Samples
@@ -328,6 +329,13 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
 
 def _stale(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
+    if name in record.outputs and (width := dead_band(values)):
+        yield (
+            f"Output {name!r} keeps its value until it has changed by {width:.3g}, as a data historian "
+            "stores it: responses look late and small. Store it without a dead band, or draw lines between "
+            "the stored values."
+        )
+        return
     good = record._good(name)
     inside = (np.diff(values) == 0) & (values[1:] != values.max()) & (values[1:] != values.min())
     inside &= good[1:] & good[:-1]

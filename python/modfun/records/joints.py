@@ -16,6 +16,7 @@ SURE = 7.0  # times the usual difference of both lines, and
 ALONE = 3.0  # times the largest one near it, of a jump
 LARGE = 0.1  # of the output's standard deviation
 INPUTS = 0.4  # of an output's jump, both as parts of their ranges, that an input may jump
+REPEATED = 0.2  # of the samples, beyond which jumps are those of rounding or of a dead band
 MOST = 5  # jumps of a record beyond which they belong to its signals
 
 
@@ -32,6 +33,8 @@ def joints(record: Samples) -> list[tuple[str, float, float]]:
     found = []
     for name in record.outputs:
         values = record[name]
+        if np.mean(np.diff(values) == 0) > REPEATED:
+            continue
         for at, size in _jumps(values):
             part = INPUTS * abs(size) / float(np.ptp(values))
             near = slice(at - SIDE + 1, at + SIDE)

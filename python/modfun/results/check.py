@@ -8,6 +8,7 @@ import numpy as np
 
 from ..base.tables import Findings
 from .band_end import beyond
+from .dead_bands import stored_late
 from .diagnosis import diagnose
 from .doubts import (
     SURE,
@@ -109,8 +110,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound, misbegun, unexpected,
-    in_two_units, contradicted_numbers, missing_input, late_channel, unexplained, fed_back, unsettled,
-    unstable, condition, undeclared,
+    stored_late, in_two_units, contradicted_numbers, missing_input, late_channel, unexplained, fed_back,
+    unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -134,7 +135,7 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())
         note = noise_free(fit)
-        told = [said[look] for look in (contradicted_numbers, missing_input, late_channel)]
+        told = [said[look] for look in (stored_late, contradicted_numbers, missing_input, late_channel)]
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(fit)

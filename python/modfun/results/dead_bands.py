@@ -1,0 +1,27 @@
+"""The doubt that an output was stored with a dead band, which makes responses late and small."""
+
+from __future__ import annotations
+
+from ..records.dead_band import dead_band
+from .diagnosis import level_p
+from .doubts import SURE, Doubt
+from .estimates import Estimates
+
+__all__ = ["stored_late"]
+
+
+def stored_late(fit: Estimates) -> Doubt | None:
+    """That an output keeps its value until it has changed by a dead band."""
+    for k, rec in enumerate(fit.records or ()):
+        for name in rec.outputs:
+            if rec.mask is None and (width := dead_band(rec[name])):
+                where = f" of record {k}" if k else ""
+                return Doubt(
+                    f"Output {name!r}{where} keeps its value until it has changed by {width:.3g}, as a data "
+                    "historian stores it, and the fit takes these values for samples. First store it without "
+                    "a dead band, or draw lines between the stored values, k = np.r_[True, "
+                    f"np.diff(rec[{name!r}]) != 0] and rec.assign({name}=np.interp(rec.t, rec.t[k], "
+                    f"rec[{name!r}][k])).",
+                    sure=level_p(fit) < SURE,
+                )
+    return None
