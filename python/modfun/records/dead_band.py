@@ -19,10 +19,11 @@ def dead_band(values: F64) -> float:
 
     Rounded values change by multiples of one step, slow sensors by any amount.
     """
+    repeated = np.count_nonzero(values[1:] == values[:-1])
+    if repeated < REPEATED * (values.size - 1) or values.size - 1 - repeated < CHANGES:
+        return 0.0
     change = np.abs(np.diff(values))
     moved = change[change > 0]
-    if moved.size < CHANGES or moved.size > (1 - REPEATED) * change.size:
-        return 0.0
     least = float(moved.min())
     multiples = moved / least
     rounded = np.abs(multiples - np.rint(multiples)).max() < GRID
