@@ -1,4 +1,4 @@
-"""Where parameters inside functions are sought: k of sin(k*y) up to some 30/R, where y moves by R."""
+"""Where parameters in functions and exponents are sought: k of sin(k*y) up to 30/R, where y moves by R."""
 
 from __future__ import annotations
 
@@ -36,7 +36,8 @@ def sensible(layout: EquationLayout, records: Sequence[Record]) -> tuple[tuple[f
             for expr in slopes:
                 with np.errstate(all="ignore"):
                     values = layout.formulas.values(expr, rec.y, driving(rec), rec.t)
-                widest = max(widest, float(np.ptp(values)))
+                finite = values[np.isfinite(values)]  # the logarithm of zero is not
+                widest = max(widest, float(np.ptp(finite)) if finite.size else 0.0)
         if not 0 < widest < inf:
             return None
         most = 2.0 ** ceil(log2(MOST / widest))

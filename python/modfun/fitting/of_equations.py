@@ -66,13 +66,13 @@ def prepare_equation(
     uneven: Sequence[F64 | None] = (None,),
     levels: list[float] | None = None,
     learn: bool = True,
-    starts: Sequence[float] | None = None,
+    starts: Sequence[float | None] | None = None,
     within: tuple[tuple[float, float], ...] | None = None,
 ) -> PreparedEquation:
     """What fits of equations share whatever the samples.
 
-    `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins;
-    `within`: their bounds instead of those of the equations.
+    `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins,
+    None where it is free; `within`: their bounds instead of those of the equations.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def _made(
     levels: tuple[float, ...] | None,
     within: tuple[tuple[float, float], ...] | None,
     uneven: Sequence[F64 | None] = (),
-    starts: Sequence[float] | None = None,
+    starts: Sequence[float | None] | None = None,
 ) -> PreparedEquation:
     """As `prepare_equation`; `sampling` holds the number of samples and the step (or times) a record."""
     formulas = layout.formulas.words | ({} if starts is None else {"starts": list(starts)})
@@ -153,10 +153,19 @@ def fit_equation(
     within = sensible(layout, records)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
         within = None  # a start that was found farther out
-    if within is None:
-        return sought(None)
     fit = sought(within)
-    return fit if fit.success and not fit.at_bound else sought(None)
+    if within is not None and not (fit.success and not fit.at_bound):
+        fit = sought(None)
+    told = layout.formulas.words["starts"]
+    if fit.success or starts is not None or not any([start is not None for start in told]):
+        return fit
+    # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.
+    signed = tuple(
+        (max(low, 0.0) if start and start > 0 else low, min(high, 0.0) if start and start < 0 else high)
+        for start, (low, high) in zip(told, within or layout.formulas.words["bounds"], strict=True)
+    )
+    other = _sought(records, structure, options, layout, again, levels, [None] * len(told), signed)
+    return other if other.success else fit
 
 
 def _sought(
@@ -166,7 +175,7 @@ def _sought(
     layout: EquationLayout,
     again: Callable[..., Any] | None,
     levels: Sequence[float] | None,
-    starts: Sequence[float] | None,
+    starts: Sequence[float | None] | None,
     within: tuple[tuple[float, float], ...] | None,
 ) -> EquationFit:
     """The fit within bounds, those of the equations where None."""

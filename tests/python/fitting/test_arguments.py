@@ -39,3 +39,32 @@ def test_a_start_of_the_user_is_taken():
     assert multiplied(model.compiled()) == []
     assert [k for k, _, _ in multiplied(mf.Equation("y' + c*tanh(k*y) = u").compiled())] == [1]
     assert multiplied(mf.Equation("y' + k*tanh(k*y) = u").compiled()) == []
+
+
+@pytest.mark.parametrize("n", [0.5, 1.5, 3.0])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_an_exponent_needs_no_start(n, seed):
+    """Searches ran to n = -1389, where the powers of all samples but one vanish."""
+    t = np.linspace(0.0, 20.0, 501)
+    y = solve_ivp(lambda t, x: 1 + np.sin(t) - 0.5 * abs(x) ** n, (0, 20), [1.0], t_eval=t, rtol=1e-8).y[0]
+    noise = 0.01 * np.random.default_rng(seed).standard_normal(t.size)
+    fit = mf.fit(mf.Record(y=y + noise, u=1 + np.sin(t), dt=t[1]), mf.Equation("y' + k*y**n = b*u"))
+    assert fit.success
+    assert np.all(np.abs(fit.params - [0.5, n, 1.0]) < 4 * fit.bse)
+
+
+@pytest.mark.parametrize("start", [0.5, 1.5, 1.6, 2.0])
+def test_a_start_beside_a_false_minimum_is_left(start):
+    """From 1.5 and 1.6 the frequency of the forcing, 1.7, was not found, and a was -0.04 for 0.4."""
+    t = np.linspace(0.0, 30.0, 901)
+
+    def rate(t, x):
+        return [x[1], 1.5 * np.cos(1.7 * t) - 0.4 * x[1] - 2 * x[0]]
+
+    y = solve_ivp(rate, (0, 30), [0.0, 0.0], t_eval=t, rtol=1e-8, atol=1e-10).y[0]
+    rec = mf.Record(y=y + 0.02 * np.random.default_rng(0).standard_normal(t.size), dt=t[1])
+    model = mf.Equation("y'' + a*y' + b*y = A*cos(w*t) + B*sin(w*t)", params={"w": mf.Free(start)})
+    fit = mf.fit(rec, model)
+    assert fit.success
+    assert fit["w"] == pytest.approx(1.7, abs=0.001)
+    assert fit["a"] == pytest.approx(0.4, abs=0.02)

@@ -22,14 +22,28 @@ def multiplied(compiled: Compiled) -> list[tuple[int, list[sympy.Expr], bool]]:
         if told or not terms or any(t.has(Delayed) for t in terms):
             continue
         # Where it stands anywhere else, that says how large it is.
-        held = {one: sympy.Dummy() for t in terms for one in t.atoms(sympy.Function) if p in one.free_symbols}
+        held = {
+            one: sympy.Dummy() for t in terms for one in t.atoms(sympy.Function, sympy.Pow) if _inside(one, p)
+        }
         if any(p in t.xreplace(held).free_symbols for t in terms):
             continue
-        slopes = [sympy.diff(one.args[0], p) for one in held if len(one.args) == 1]
+        slopes = [
+            sympy.diff(_argument(one), p) for one in held if isinstance(one, sympy.Pow) or len(one.args) == 1
+        ]
         seen = all(w.free_symbols and w.free_symbols <= measured for w in slopes)
         if seen and len(slopes) == len(held):
             found.append((k, slopes, all(_keeps(t, p, compiled) for t in terms)))
     return found
+
+
+def _inside(one: sympy.Expr, p: sympy.Symbol) -> bool:
+    """Whether a parameter stands in the argument of a function, or in an exponent."""
+    return p in (one.exp if isinstance(one, sympy.Pow) else one).free_symbols
+
+
+def _argument(one: sympy.Expr) -> sympy.Expr:
+    """Of a function; a power is an exponential."""
+    return one.exp * sympy.log(one.base) if isinstance(one, sympy.Pow) else one.args[0]
 
 
 def _keeps(term: sympy.Expr, p: sympy.Symbol, compiled: Compiled) -> bool:
