@@ -31,7 +31,7 @@ _STEP = ("ts", "dt", "delta_t", "timestep", "sample_time", "sampling_time")
 _CALLED = (
     (_STEP, "dt", "the sampling interval in seconds"),
     (_STEP, "intervals", "the number of sampling intervals, duration/dt"),
-    (("n", "np", "order"), "poles", "their number"),
+    (("n", "np", "order", "orders"), "poles", "their number"),
     (("nz",), "zeros", "their number"),
     (("iodelay", "inputdelay"), "delay", "in seconds"),
     (("u", "signal"), "input", "samples, a text such as 'sin(t)', or mf.signals"),

@@ -5,20 +5,26 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
-__all__ = ["listed", "nearest"]
+__all__ = ["close", "listed", "nearest"]
 
 MANY, LONG = 40, 60  # names that a message lists, and letters of each
 
 
 def nearest(name: object, known: Sequence[str]) -> str:
     """Return "did you mean ...? (there are ...)" for a name that is not among the known ones."""
+    found = close(name, known)
+    guess = f"did you mean {' or '.join(repr(word) for word in found)}? " if found else ""
+    return f"{guess}there are: {listed(known)}"
+
+
+def close(name: object, known: Sequence[str]) -> list[str]:
+    """Return the known names that are like a name, the nearest first."""
     by_lower = {word.lower(): word for word in reversed(known)}
     text = str(name).lower()
-    close = [by_lower[word] for word in difflib.get_close_matches(text, by_lower, n=3, cutoff=0.5)]
+    found = [by_lower[word] for word in difflib.get_close_matches(text, by_lower, n=3, cutoff=0.5)]
     if text:  # "q" is no close match of "Q (deg/s)" by letters, but what is meant all the same
-        close += [word for word in known if word.lower().startswith(text) and word not in close][:3]
-    guess = f"did you mean {' or '.join(repr(word) for word in close)}? " if close else ""
-    return f"{guess}there are: {listed(known)}"
+        found += [word for word in known if word.lower().startswith(text) and word not in found][:3]
+    return found
 
 
 def listed(names: Sequence[str]) -> str:

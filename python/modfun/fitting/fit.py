@@ -342,7 +342,7 @@ def fit_many(
     >>> found.params.shape
     (3, 3)
     """
-    checked = Options.checked("fit_many", **options)
+    checked = Options.checked("fit_many", ("threads", "progress"), **options)
     structure = structure_of(model, "fit_many")
     count = threads_of(threads)
     given = data if isinstance(data, Batch) else records_of(data, "fit_many", together=False)

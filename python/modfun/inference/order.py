@@ -178,7 +178,7 @@ def select_order(
     2
     """
     records = records_of(data, "select_order")
-    checked = Options.checked("select_order", **options)
+    checked = Options.checked("select_order", ("poles", "zeros", "delay"), **options)
     checked.refuse_alone("select_order")
     if checked.method not in ("awls", "ml") or checked.noise != "output":
         raise SpecError(

@@ -26,6 +26,11 @@ WORDS: dict[str, tuple[str, ...]] = {
     "initial_state": ("unknown", "zero", "rest", "periodic"),
     "rule": ("staircase", "trapezoid", "parabolic", "gregory"),
 }
+# What others call a choice, and what it is called here.
+_CALLED = {
+    ("cov_type", "classical"): "classical standard errors are 'nonrobust'",
+    ("noise", "white"): "white noise of the outputs is 'output', white noise in the equations 'equation'",
+}
 SWITCHES = {
     "stable": "an unstable estimate gives way to the nearest stable model",
     "robust": "samples are weighted by Student's t, for spikes and heavy tails",
@@ -84,13 +89,15 @@ class Options:
         return f"Options({', '.join(f'{name}={getattr(self, name)!r}' for name in shown)})"
 
     @classmethod
-    def checked(cls, what: str, **given: Any) -> Options:
+    def checked(cls, what: str, own: tuple[str, ...] = (), /, **given: Any) -> Options:
         """Options from what a user wrote.
 
         Parameters
         ----------
         what : str
             Whose options they are, for the messages ("fit", "Estimator", ...).
+        own : tuple of str, default ()
+            Arguments that the call has besides, which a misspelt name may mean.
         **given
             The options.
 
@@ -102,9 +109,9 @@ class Options:
         # Equal tuples may hold values of other types, so a band of two edges is looked at every time.
         look = _checked if isinstance(given.get("band"), tuple) else _looked_up
         try:
-            return look(what, **given)
+            return look(what, own, **given)
         except TypeError:  # a list or array is not a key
-            return _checked(what, **given)
+            return _checked(what, own, **given)
 
     @property
     def fitted_trend(self) -> str | None:
@@ -180,10 +187,10 @@ class Options:
         return self.noise in ("output", "process", "equation") and self.output_weights is None
 
 
-def _checked(what: str, **given: Any) -> Options:
+def _checked(what: str, own: tuple[str, ...] = (), /, **given: Any) -> Options:
     for name in given:
         if name not in Options.__dataclass_fields__:
-            known = list(Options.__dataclass_fields__)
+            known = list(dict.fromkeys([*own, *Options.__dataclass_fields__]))
             raise SpecError(f"{what}: there is no option {name!r}; {meant(name, known)}")
     for name, words in WORDS.items():
         if name == "noise" and isinstance(given.get(name), Noise | ProcessNoise):
@@ -191,7 +198,9 @@ def _checked(what: str, **given: Any) -> Options:
         if name == "initial_state" and not isinstance(given.get(name, ""), str):
             continue
         if name in given and not (isinstance(given[name], str) and given[name] in words):
-            raise SpecError(f"{what}: {name}={given[name]!r} is not available; {nearest(given[name], words)}")
+            value = given[name]
+            hint = _CALLED.get((name, str(value).lower())) or nearest(value, words)
+            raise SpecError(f"{what}: {name}={value!r} is not available; {hint}")
     trend = given.get("trend")
     if trend is not None and not (isinstance(trend, str) and trend in ("auto", *TRENDS)):
         raise SpecError(f"{what}: trend={trend!r} is not available; use 'constant', 'linear', 'auto' or None")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any, TypedDict, Unpack, overload
 import numpy as np
 
 from ..base.arguments import public, whole
-from ..base.names import nearest
+from ..base.names import close, nearest
 from ..equations.nonlinear import NonlinearModel
 from ..errors import ModfunWarning, SpecError
 from ..experiments.simulation import doubtful_nsr
@@ -179,12 +180,9 @@ class MonteCarlo:
         **options: Any,
     ) -> None:
         if options:
-            if late := sorted(set(options) & RunOptions.__annotations__.keys()):
-                raise SpecError(
-                    f"MonteCarlo: {', '.join(late)} is no part of a study but of its run: "
-                    f"study.run({late[0]}={options[late[0]]!r})"
-                )
-            Options.checked("MonteCarlo", **options)
+            called = tuple(name for name in inspect.signature(MonteCarlo).parameters if name != "options")
+            _refuse_late(options, called)
+            Options.checked("MonteCarlo", called, **options)
         if "method" in options:
             raise SpecError("MonteCarlo: method= is given by estimators=, as estimators=['ls', 'ml']")
         self.replicates = whole("MonteCarlo", "replicates", replicates, 1, MOST)
@@ -323,6 +321,19 @@ class MonteCarlo:
             work, most, until, threads=threads_of(threads), executor=executor, directory=directory,
             shard=shard, progress=progress,
         )  # fmt: skip
+
+
+def _refuse_late(options: Mapping[str, Any], own: tuple[str, ...]) -> None:
+    """Refuse what `run` takes, also where it is misspelt."""
+    late = RunOptions.__annotations__.keys() - set(own)
+    known = [*own, *Options.__dataclass_fields__, *late]
+    meant = {name: found[0] for name in options if (found := close(name, known)) and found[0] in late}
+    if meant:
+        first = min(meant)
+        raise SpecError(
+            f"MonteCarlo: {', '.join(sorted(meant))} is no part of a study but of its run: "
+            f"study.run({meant[first]}={options[first]!r})"
+        )
 
 
 def _refuse(given: Mapping[str, Any], text: str) -> None:

@@ -4,6 +4,20 @@ import modfun as mf
 import pytest
 from modfun.base.arguments import public
 
+TWO = mf.TransferFunction(poles=2, zeros=0)
+
+
+def _record():
+    return mf.Record(y=[0.0, 1.0] * 20, u=[1.0, 0.0, 2.0, 1.0] * 10, dt=0.1, intersample="zoh")
+
+
+def _study(**slip):
+    system = mf.tf([1], [1, 1])
+    return mf.MonteCarlo(
+        system=system, input="sin(t)", duration=5.0, intervals=99, nsr=0.1, estimators=["ml"], **slip
+    )
+
+
 SLIPS = {
     "without names": (lambda: mf.TransferFunction(2, 0), r"write TransferFunction\(poles=\.\.\., zeros"),
     "one too many": (lambda: mf.tf([1], [1, 1], 0.2), r"3 arguments .* write tf\(num, den, delay=\.\.\.\)"),
@@ -14,6 +28,14 @@ SLIPS = {
     "twice": (lambda: mf.rivals.output_error(1, model=2), "output_error: model is given by its name, and is"),
     "nearest": (lambda: mf.read("x.csv", output="y"), "no option 'output'; did you mean 'outputs'"),
     "missing": (lambda: mf.MonteCarlo(system=mf.tf([1], [1, 1])), "estimators is missing"),
+    "study": (lambda: _study(replicate=5), "no option 'replicate'; did you mean 'replicates'"),
+    "study's run": (lambda: _study(thread=2), r"thread is no part of a study .* study\.run\(threads=2\)"),
+    "runs": (lambda: _study(runs=5), r"no option 'runs'; give replicates=\.\.\., their number"),
+    "orders": (lambda: mf.select_order(_record(), orders=[1, 2]), "'orders'; give poles=.*, their number"),
+    "poles": (lambda: mf.select_order(_record(), pole=[1, 2]), "no option 'pole'; did you mean 'poles' or"),
+    "many": (lambda: mf.fit_many([_record()], TWO, thread=1), "no option 'thread'; did you mean 'threads'"),
+    "classical": (lambda: mf.fit(_record(), TWO, cov_type="classical"), "standard errors are 'nonrobust'$"),
+    "white": (lambda: mf.fit(_record(), TWO, noise="white"), "white noise of the outputs is 'output', white"),
     "method": (lambda: mf.signals.chirp("u", band=(1, 2), dt=0.1, duration=1).plot(axes=0), "mean 'ax'"),
 }
 
