@@ -3,7 +3,7 @@
 python docs/outputs.py docs/tour.md docs/howto/*.md docs/explanation/*.md
 
 The blocks of a page run in order in an empty folder. What a block prints becomes the ```text block behind it,
-a figure that it draws is saved where the image behind it points to. The tests hold the text to be true.
+a figure that it draws is saved where an image behind it points to. The tests hold the text to be true.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ def run(page: Path) -> None:
         with contextlib.redirect_stdout(printed):
             exec(compile(found["code"], str(page), "exec"), names)
         images = re.findall(r"\(([^)]*)\)\n", found["images"])
-        for number, name in zip(pyplot.get_fignums(), images, strict=True):
+        for number, name in zip(pyplot.get_fignums() if images else [], images, strict=True):
             pyplot.figure(number).savefig(page.parent / name, dpi=100)
         pyplot.close("all")
         lines = [line.rstrip() for line in printed.getvalue().rstrip().split("\n")]
