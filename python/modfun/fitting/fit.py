@@ -95,20 +95,20 @@ def fit(
     harmonics : int, optional
         The highest modulating index M instead of a band; line M + n is the highest used. With neither,
         "ml" and "awls" choose the narrowest band whose standard errors are within 1 % of those of a wide
-        one, "ls" and "wls" take M = 3 times the number of unknowns (report, eq. (20)).
+        one, "ls" and "wls" take M = 3 times the number of parameters and trend terms (report, eq. (20)).
     trend : {"auto", "constant", "linear", None}
-        Unknown offset (and slope) of the output, a record; of equations an unknown constant (and slope) in
-        each. "auto" is "constant", and None for an `Equation`, where one is written ``+ c``.
+        Offset (and slope) estimated for each output of each record; for equations, a constant (and slope)
+        per equation. "auto" is "constant", and None for an `Equation`, where one is written ``+ c``.
     noise : {"output", "process", "equation", "coloured", "errors-in-variables", "log-normal"} or object
         What the residuals are weighted by. "output": white on the samples of the outputs, their covariance
         unknown (of several outputs estimated in full, by alternation); "process": white noise drives each
         equation as well, as turbulence or load do, and all levels are estimated (`Fit.process_noise`; for
         transfer functions of one output with known delays and for linear equations and state spaces of which
         every state is measured, by "ml"); "equation": white in the equations alone;
-        "coloured": an autoregression an output, of an order chosen by BIC, fitted to the residuals by
-        alternation (not for nonlinear equations); "errors-in-variables": white on outputs and inputs, levels
-        from the harmonics that the signals leave empty; "log-normal": white on the logarithms of the outputs
-        (equations only);
+        "coloured": an autoregression for each output, of an order chosen by BIC, fitted to the residuals
+        by alternation (not for nonlinear equations); "errors-in-variables": white on outputs and inputs,
+        levels from the harmonics that the signals leave empty; "log-normal": white on the logarithms of
+        the outputs (equations only);
         `Noise`: known up to a common factor. Equations take the levels of several outputs, and of what noise
         adds to nonlinear signals, from the unused harmonics or from `Noise`.
     cov_type : {"spectral", "HC3", "nonrobust"}

@@ -58,8 +58,7 @@ class Fit(Drawn):
     df_spectral : (p,) array
         Degrees of freedom of each variance in `cov_spectral`: fewer where few lines carry a parameter.
     cost : float
-        The minimised weighted sum of squares, in units of the output squared where the weighting is that
-        of output noise.
+        The minimised weighted sum of squares; for output noise in units of the output squared.
     noise_cov : (output, output) array
         Covariance of the noise on a sample of the outputs (of the equations, for equation noise).
     df_resid : int
@@ -76,11 +75,11 @@ class Fit(Drawn):
     nit : int
         Iterations.
     lines : tuple of (int, int)
-        Lowest and highest harmonic used, a record.
+        Lowest and highest harmonic used, for each record.
     omega0 : tuple of float
-        Line spacing 2 pi / T in rad/s, a record.
+        Line spacing 2 pi / T in rad/s, for each record.
     intervals, steps : tuples
-        Sampling intervals used and their length in s (None: uneven), a record.
+        Sampling intervals used and their length in s (None: uneven), for each record.
     band_rule : dict or None
         Numbers of the default rule that chose the band; None where the band was given.
     structure : TransferFunction, Equation or StateSpace
@@ -99,7 +98,7 @@ class Fit(Drawn):
     window_weights : tuple of float
         Of the squared residuals of each record, where a `Stream` forgets; else empty.
     condition_bound : float
-        No less than `cond`, and had for nothing; inf where not known.
+        No less than `cond`, and computed at no cost; inf where not known.
     again : callable or None
         Fits records, a structure and options as this fit was made: `check` tries cures with it, `compare`
         puts fits on one band. None after `load`, and for gains.
@@ -136,8 +135,7 @@ class Fit(Drawn):
         ----------
         **expressions : str or callable
             Name and expression, as ``wn="sqrt(a2)"`` or ``gain="b0[de]/a2"``: parameter names, numbers,
-            + - * / ** and the functions of signal texts. Or a function of a mapping from parameter name to
-            value.
+            + - * / ** and the functions of signal texts. Or a function of a mapping from name to value.
 
         Returns
         -------
@@ -380,9 +378,11 @@ class Fit(Drawn):
         return self.simulate(record, None)[1]
 
     def score(self, rec: Record | int | None = None) -> Table:
-        """How well the simulation fits: signal_to_error (dB), fit_percent, r2 and theil, an output.
+        """How well the simulation ŷ follows each output y, with e = y - ŷ; masked samples are left out.
 
-        Masked samples are left out. See `modfun.results.scores` for the formulas.
+        ``signal_to_error`` is 20 log10(rms(y - mean(y)) / rms(e)) in dB, ``fit_percent``
+        100 (1 - rms(e) / rms(y - mean(y))), ``r2`` 1 - mean(e²) / var(y), and ``theil``
+        rms(e) / (rms(y) + rms(ŷ)), in which offsets count: it is small on records far from zero.
 
         Parameters
         ----------
@@ -392,7 +392,7 @@ class Fit(Drawn):
         Returns
         -------
         Table
-            One row per output (and a record).
+            One row per output (and record).
         """
         return scores.score(self, rec)
 
