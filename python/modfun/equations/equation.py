@@ -44,8 +44,9 @@ class Equation(Written):
     ----------
     text : str or sequence of str
         Such as ``"y'' + d*y' + a*y + b*y**3 = u"``. Derivatives are primes, on signals, on expressions
-        ``(y**2)'`` and on coefficients ``c(t)'``, or ``D(expression, order)``. ``t`` is time in s, ``pi`` and
-        ``e`` are numbers, ``y(t - h)`` is y delayed by h seconds, a number or a parameter; functions and
+        ``(y**2)'`` and on coefficients ``c(t)'``, or ``D(expression, order)``. ``t`` is time in s, ``pi`` the
+        number 3.14159…, never a parameter or a signal; Euler's number is ``exp(1)``, since ``e`` might be
+        either and is refused. ``y(t - h)`` is y delayed by h seconds, a number or a parameter; functions and
         operators are those of input texts (`modfun.language.evaluate.evaluate`). Every other name is a
         parameter. Text is parsed, never executed.
     outputs, inputs : sequence of str, optional
@@ -63,7 +64,7 @@ class Equation(Written):
     Raises
     ------
     SpecError
-        Text outside the language, names that clash.
+        Text outside the language, names that clash, `pi` as a parameter or a signal.
 
     See Also
     --------

@@ -231,7 +231,12 @@ class Written:
         return rec.select(outputs=outputs, inputs=inputs)
 
     def _refuse_misspelt(self, channels: tuple[str, ...]) -> None:
-        """Refuse parameters that are, in another spelling, a channel which the model leaves out."""
+        """Refuse parameters that are, in another spelling, a channel which the model leaves out, and pi."""
+        if "pi" in channels and any(re.search(r"\bpi\b", text) for text in self._title()):
+            raise SpecError(
+                f"{self._kind}: 'pi' is a channel of the record and the number 3.14159… in the model; give "
+                "the channel another name, or leave it out, rec.select(inputs=[...], outputs=[...])"
+            )
         own = {*self.outputs, *self.inputs}
         told = dict(self.params)
         for channel in channels:
@@ -367,6 +372,10 @@ def parameters_given(given: Any, names: Sequence[str], what: str) -> tuple[tuple
         raise SpecError(f'{what}: params={given!r} must map names to values, as {{"a": 0.5}}')
     found: list[tuple[str, float | Free]] = []
     for name, value in given.items():
+        if name == "pi":
+            raise SpecError(
+                f"{what}: params names 'pi', which is the number 3.14159…; give the parameter another name"
+            )
         if name not in names:
             raise SpecError(f"{what}: params names {name!r}; {nearest(name, names)}")
         if isinstance(value, Free):
