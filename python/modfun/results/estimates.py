@@ -330,7 +330,7 @@ class Estimates(Elsewhere):
 
     @property
     def aic(self) -> float:
-        """Akaike information criterion: as `bic` with 2 p in place of p log N."""
+        """Akaike information criterion: `bic` with 2 p for p log N; `mf.compare` puts models on one band."""
         rows, p = self.df_resid + self.params.size, self.params.size
         return float(self.bic + p * (2 - np.log(rows)))
 
@@ -340,7 +340,7 @@ class Estimates(Elsewhere):
 
         Where the noise covariance of several outputs was fitted, the cost is N less the parameters whatever
         the model: then N/outputs times the logarithm of that covariance's determinant takes its place, the
-        same for one output. Comparable between fits of the same records over the same band only.
+        same for one output. To compare models, put them on one band with `mf.compare`.
         """
         rows, outputs = self.df_resid + self.params.size, len(self.outputs)
         penalty = self.params.size * np.log(rows)

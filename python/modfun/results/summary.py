@@ -138,7 +138,8 @@ def facts(fit: Estimates) -> list[tuple[str, str]]:
         ("Noise", _noise(fit)),
         *([("Tails", tails(fit))] if isfinite(fit.tail) else []),
         ("Chi-square", _chi2(fit)),
-        ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors); BIC {fit.bic:.5g}"),
+        ("Condition", f"{fit.cond:.4g} (whitened, scaled regressors)"),
+        ("BIC", f"{fit.bic:.5g} on this band; mf.compare puts models on one band"),
         ("Errors", f"{fit.cov_type}; Student's t with {_degrees(fit)} degrees of freedom"),
     ]
 

@@ -44,6 +44,20 @@ def test_without_a_record_the_common_one_is_taken(fits):
         mf.compare([fits[1].without_samples()])
 
 
+def test_the_criteria_of_a_fit_name_the_comparison(fits):
+    """Fits of one and two poles have bands of their own, so that their own BIC do not compare."""
+    one, two = fits
+    assert one.band != two.band
+    said = dict(two.summary().facts)["BIC"]
+    assert said == f"{two.bic:.5g} on this band; mf.compare puts models on one band"
+    for name in ("aic", "bic"):
+        assert "`mf.compare`" in getattr(type(two), name).__doc__
+    with pytest.warns(mf.ModfunWarning):  # the first order does not suit
+        wide = mf.fit(record(0), TF1, band=two.band[1] * (1 + 1e-9))
+    assert mf.compare(fits)["bic"][0] == pytest.approx(wide.bic, rel=1e-9)
+    assert wide.bic < one.bic - 5  # more lines, and no better fit
+
+
 def test_a_linear_system_stands_beside_fits(fits):
     """With the numbers of a fit it has the scores of that fit, and no BIC; its name may be another."""
     table = mf.compare(
