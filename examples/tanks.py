@@ -13,7 +13,6 @@ python examples/tanks.py [FOLDER]     # of cascaded_tanks_est's CSV file; defaul
 
 import os
 import sys
-import warnings
 from pathlib import Path
 
 import modfun as mf
@@ -64,9 +63,7 @@ def windows(u: np.ndarray, y: np.ndarray) -> mf.Table:
     rival = mf.rivals.output_error(TANKS, start={"k": 0.04, "k4": 0.03})
     for first, last in WINDOWS:
         rec = mf.Record(y=y[first : last + 1], u=u[first : last + 1], dt=DT)
-        with warnings.catch_warnings():  # of bounds: the table shows them
-            warnings.simplefilter("ignore", mf.ModfunWarning)
-            fit = mf.fit(rec, TANKS)
+        fit = mf.fit(rec, TANKS)
         other = rival.solve(rec)
         own = dict(zip(fit.param_names, zip(fit.params, fit.bse, strict=True), strict=True))
         words = [
@@ -91,12 +88,10 @@ def under_noise(u: np.ndarray, y: np.ndarray, level: float = 0.02, repeats: int 
         right = 0
         for seed in range(repeats):
             noise = level * np.random.default_rng(seed).standard_normal(pump.size)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", mf.ModfunWarning)
-                try:
-                    fit = mf.fit(mf.Record(y=found.simulated[0] + noise, u=pump, dt=DT), TANKS)
-                except mf.DataError:  # the band was chosen too narrow for five unknowns
-                    continue
+            try:
+                fit = mf.fit(mf.Record(y=found.simulated[0] + noise, u=pump, dt=DT), TANKS)
+            except mf.DataError:  # the band was chosen too narrow for five unknowns
+                continue
             right += abs(fit["k"] / found.params["k"] - 1) < 0.2
         rows.append([f"{first * DT:.0f} to {last * DT:.0f}", f"{right} of {repeats}"])
     names = ["s", f"right with {level:g} V of noise"]

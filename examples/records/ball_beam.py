@@ -3,7 +3,6 @@
 Usage: python examples/records/ball_beam.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
-import warnings
 from typing import Any
 
 import common
@@ -38,15 +37,13 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     print(rec.check())
     first, second = rec.window(0, 50), rec.window(50, 99.9)
     fits = {}
-    with warnings.catch_warnings():  # unstable poles, and models that are wrong on purpose
-        warnings.simplefilter("ignore", mf.ModfunWarning)
-        for name, (params, noise) in MODELS.items():
-            structure = mf.TransferFunction(poles=2, zeros=0, params=params, delay=LATE)
-            fits[name] = mf.fit(first, structure, noise=noise)
-        late = fits[name]["delay"]
-        structure = mf.TransferFunction(poles=2, zeros=0, delay=late)
-        fits["free, noise of both"] = mf.fit(first, structure, noise="process")
-        fits["free, the other half"] = mf.fit(second, fits[name].structure, noise="equation")
+    for name, (params, noise) in MODELS.items():
+        structure = mf.TransferFunction(poles=2, zeros=0, params=params, delay=LATE)
+        fits[name] = mf.fit(first, structure, noise=noise)
+    late = fits[name]["delay"]
+    structure = mf.TransferFunction(poles=2, zeros=0, delay=late)
+    fits["free, noise of both"] = mf.fit(first, structure, noise="process")
+    fits["free, the other half"] = mf.fit(second, fits[name].structure, noise="equation")
     columns: dict[str, Any] = {"model": list(fits)}
     for name in ("a1", "a2", "b0", "delay"):
         columns[name] = [

@@ -3,7 +3,6 @@
 Usage: python examples/records/buck_converter.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
-import warnings
 from typing import Any
 
 import common
@@ -63,19 +62,17 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     print(rec.check())
     halves = [rec.window(0, 0.005), rec.window(0.005, 0.01)]
     out: dict[str, Any] = {}
-    with warnings.catch_warnings():  # the misfit of the linear model is what the page is about
-        warnings.simplefilter("ignore", mf.ModfunWarning)
-        linear = mf.fit(halves[0], mf.TransferFunction(poles=2, zeros=0))
-        rises = [rec.window(*part) for part in RISING]
-        rising = mf.fit(
-            rises,
-            mf.Equation(f"v'' + a1*v' + a2*v = a2*(4 - u)*{SUPPLY / 3}", outputs=["v"], inputs=["u"]),
-        )
-        free = mf.fit(rises, mf.Equation("v'' + a1*v' + a2*v = a2*K*(4 - u)", outputs=["v"], inputs=["u"]))
-        falls = [rec.window(*part) for part in FALLING]
-        falling = mf.fit(falls, mf.Equation("v' + decay*v = 0", outputs=["v"]))
-        windows = ([halves[0]], linear), (rises, rising), (falls, falling)
-        both = [mf.fit(part, fit.structure, noise="process") for part, fit in windows]
+    linear = mf.fit(halves[0], mf.TransferFunction(poles=2, zeros=0))
+    rises = [rec.window(*part) for part in RISING]
+    rising = mf.fit(
+        rises,
+        mf.Equation(f"v'' + a1*v' + a2*v = a2*(4 - u)*{SUPPLY / 3}", outputs=["v"], inputs=["u"]),
+    )
+    free = mf.fit(rises, mf.Equation("v'' + a1*v' + a2*v = a2*K*(4 - u)", outputs=["v"], inputs=["u"]))
+    falls = [rec.window(*part) for part in FALLING]
+    falling = mf.fit(falls, mf.Equation("v' + decay*v = 0", outputs=["v"]))
+    windows = ([halves[0]], linear), (rises, rising), (falls, falling)
+    both = [mf.fit(part, fit.structure, noise="process") for part, fit in windows]
     out["linear"] = [fit_level for part in halves for fit_level in linear.score(part)["signal_to_error"]]
     print(f"\nLinear, first half\n{linear.damp()}\n{linear.derived(gain='b0/a2')}")
     print(f"S/E {out['linear'][0]:.1f} dB, second half, predicted, {out['linear'][1]:.1f} dB")

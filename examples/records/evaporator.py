@@ -3,7 +3,6 @@
 Usage: python examples/records/evaporator.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
-import warnings
 from typing import Any
 
 import common
@@ -38,22 +37,20 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     first = rec.window(0, CUT - 1)
     print(rec.check())
     out: dict[str, Any] = {"levels": {}, "fits": {}}
-    with warnings.catch_warnings():  # disturbances of the process: classical and HC3 errors differ
-        warnings.simplefilter("ignore", mf.ModfunWarning)
-        for n in POLES:
-            rows = []
-            for name in OUTPUTS:
-                one = rec.select(outputs=[name])
-                fit = mf.fit(one.window(0, CUT - 1), mf.TransferFunction(poles=n, zeros=n - 1))
-                out["fits"][name, n] = fit
-                rows.append(scored(fit, one))
-            out["levels"][f"{n} poles an output"] = [np.hstack(part) for part in zip(*rows, strict=True)]
-        held = read(folder, "zoh").select(outputs=["temp"])
-        fit = mf.fit(held.window(0, CUT - 1), mf.TransferFunction(poles=4, zeros=3))
-        out["held"] = [float(part[0]) for part in scored(fit, held)]
-        shared = mf.TransferFunction(poles=4, zeros=3, denominator="common")
-        out["fits"]["common"] = mf.fit(first, shared)
-        out["levels"]["4 poles for all"] = scored(out["fits"]["common"], rec)
+    for n in POLES:
+        rows = []
+        for name in OUTPUTS:
+            one = rec.select(outputs=[name])
+            fit = mf.fit(one.window(0, CUT - 1), mf.TransferFunction(poles=n, zeros=n - 1))
+            out["fits"][name, n] = fit
+            rows.append(scored(fit, one))
+        out["levels"][f"{n} poles an output"] = [np.hstack(part) for part in zip(*rows, strict=True)]
+    held = read(folder, "zoh").select(outputs=["temp"])
+    fit = mf.fit(held.window(0, CUT - 1), mf.TransferFunction(poles=4, zeros=3))
+    out["held"] = [float(part[0]) for part in scored(fit, held)]
+    shared = mf.TransferFunction(poles=4, zeros=3, denominator="common")
+    out["fits"]["common"] = mf.fit(first, shared)
+    out["levels"]["4 poles for all"] = scored(out["fits"]["common"], rec)
     columns: dict[str, Any] = {}
     for i, name in enumerate(OUTPUTS):
         for k, (part, digits) in enumerate((("fitted", 1), ("predicted", 1), ("R2", 3))):

@@ -3,7 +3,6 @@
 Usage: python examples/records/exchanger.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
-import warnings
 from typing import Any
 
 import common
@@ -58,14 +57,12 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     print("Change of the temperature 0, 1, 2 ... s after a second of unit flow:")
     print(" ".join(f"{value:.2f}" for value in out["pulse"][:10]))
     records = {}
-    with warnings.catch_warnings():  # drifts and misfit: classical and HC3 errors differ
-        warnings.simplefilter("ignore", mf.ModfunWarning)
-        for name, (structure, *how) in MODELS.items():
-            records[name] = read(folder, *how)
-            parts = [records[name].window(*span) for span in PARTS.values()]
-            fit = out["fits"][name] = mf.fit(parts[0], structure)
-            out["levels"][name] = [fit.score(part)["signal_to_error"][0] for part in parts]
-        found = mf.select_order(records["one sample earlier"].window(*PARTS["fitted"]), poles=range(1, 4))
+    for name, (structure, *how) in MODELS.items():
+        records[name] = read(folder, *how)
+        parts = [records[name].window(*span) for span in PARTS.values()]
+        fit = out["fits"][name] = mf.fit(parts[0], structure)
+        out["levels"][name] = [fit.score(part)["signal_to_error"][0] for part in parts]
+    found = mf.select_order(records["one sample earlier"].window(*PARTS["fitted"]), poles=range(1, 4))
     out["order"] = (found.best.structure.poles, found.best.structure.zeros)
     print(f"\nOrder chosen, flow a sample earlier: {out['order']}")
     for name, fit in out["fits"].items():

@@ -7,7 +7,6 @@ identified from the stabilator itself; lateral: two inputs. How the fit falls as
 """
 
 import json
-import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -114,7 +113,6 @@ def poles_of(lon: mf.Record, lat: mf.Record, matrices: dict[str, Any]) -> mf.Tab
 
 def main(folder: Place = None, figures: Place = None) -> dict[str, Any]:
     """Tables by order at 5 % noise and by noise at the right order, in dB; the figure."""
-    warnings.simplefilter("ignore", mf.ModfunWarning)  # unstable estimates are what we want
     matrices = json.loads(data("f18_polynomial_model/f18_poly_and_linear_5deg.json", folder).read_text())
     lon, command = longitudinal(folder, matrices["lon"])
     lat = lateral(folder, matrices["lat"])

@@ -3,7 +3,6 @@
 Usage: python examples/records/steam_generator.py [FOLDER, default $MODFUN_DATA] [--figures docs/figures]
 """
 
-import warnings
 from typing import Any
 
 import common
@@ -67,26 +66,24 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     print("\nLevel: response to one sample of each input, 0, 1, 2 ... samples later")
     for name, row in zip(INPUTS, out["pulses"]["level"], strict=True):
         print(f"{name:5}" + "".join(f"{value:7.3f}" for value in row[:8]))
-    with warnings.catch_warnings():  # misfit: classical and HC3 errors differ
-        warnings.simplefilter("ignore", mf.ModfunWarning)
-        own = rec.select(outputs=["steam"], inputs=["fuel", "load"])
-        late = mf.TransferFunction(poles=2, zeros=1, delay=[mf.Free(min=0, max=9), 0])
-        out["delay"], _ = scored(own, late)
-        for name in OUTPUTS:  # as the file stands
-            plain = mf.TransferFunction(poles=2, zeros=1)
-            out["levels"][f"{name}, four inputs"] = scored(rec.select(outputs=[name]), plain)[1]
-        tried = {
-            carried: scored(excess(rec, carried), mf.TransferFunction(poles=1, zeros=0, delay=3.0))
-            for carried in CARRIED
-        }
-        out["carried"] = max(CARRIED, key=lambda carried: tried[carried][1][0])
-        records = {
-            name: rec.select(outputs=[name], inputs=list(MODELS[name][1])) for name in ("p", "level", "steam")
-        }
-        records["o2"] = excess(rec, out["carried"])
-        for name, (poles, delay) in MODELS.items():
-            structure = mf.TransferFunction(poles=poles, zeros=poles - 1, delay=list(delay.values()))
-            out["fits"][name], out["levels"][f"{name}, as below"] = scored(records[name], structure)
+    own = rec.select(outputs=["steam"], inputs=["fuel", "load"])
+    late = mf.TransferFunction(poles=2, zeros=1, delay=[mf.Free(min=0, max=9), 0])
+    out["delay"], _ = scored(own, late)
+    for name in OUTPUTS:  # as the file stands
+        plain = mf.TransferFunction(poles=2, zeros=1)
+        out["levels"][f"{name}, four inputs"] = scored(rec.select(outputs=[name]), plain)[1]
+    tried = {
+        carried: scored(excess(rec, carried), mf.TransferFunction(poles=1, zeros=0, delay=3.0))
+        for carried in CARRIED
+    }
+    out["carried"] = max(CARRIED, key=lambda carried: tried[carried][1][0])
+    records = {
+        name: rec.select(outputs=[name], inputs=list(MODELS[name][1])) for name in ("p", "level", "steam")
+    }
+    records["o2"] = excess(rec, out["carried"])
+    for name, (poles, delay) in MODELS.items():
+        structure = mf.TransferFunction(poles=poles, zeros=poles - 1, delay=list(delay.values()))
+        out["fits"][name], out["levels"][f"{name}, as below"] = scored(records[name], structure)
     fit = out["delay"]
     print(f"\nsteam: delay of the fuel, estimated: {fit['delay[fuel]']:.2f} ± {fit.bse[-1]:.2f} s")
     columns: dict[str, Any] = dict(

@@ -253,6 +253,14 @@ def test_public_names_mentioned_exist(page):
                     break
 
 
+def test_no_page_or_example_silences_a_warning():
+    """A warning that is right is shown, on a page by its text; one that is wrong is a fault of modfun."""
+    scripts = [*PAGES, *(ROOT / "examples").rglob("*.py")]
+    assert len(scripts) > 100
+    silencing = re.compile(r"(simplefilter|filterwarnings)\(\s*[\"']ignore|action=[\"']ignore")
+    assert not [path.name for path in scripts if silencing.search(path.read_text(encoding="utf-8"))]
+
+
 @pytest.mark.process
 @pytest.mark.parametrize("name", ["fit_simulated", "flight_record", "feedback_collinearity"])
 def test_examples_run(name, tmp_path):

@@ -2,6 +2,7 @@
 
 import sys
 
+import modfun as mf
 import numpy as np
 import pytest
 from places import ROOT, measured
@@ -57,7 +58,9 @@ def test_windows_of_the_tanks(monkeypatch):
     monkeypatch.syspath_prepend(str(ROOT / "examples"))
     monkeypatch.delitem(sys.modules, "tanks", raising=False)
     tanks = __import__("tanks")
-    table = tanks.windows(*tanks.read(measured("cascaded_tanks_est").parent))
+    with pytest.warns(mf.ModfunWarning) as said:
+        table = tanks.windows(*tanks.read(measured("cascaded_tanks_est").parent))
+    assert sum("on a bound" in str(one.message) for one in said) == 4
     rival = [float(word.split()[0]) for word in table["k, output error"]]
     assert 0.034 < min(rival) < max(rival) < 0.046
     rows = zip(table["k, fit"], table["k4, fit"], rival, strict=True)
