@@ -38,7 +38,7 @@ from .feedback import feedback
 from .held_numbers import contradicted_numbers
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
-from .misfit import UNLIKELY, misfit, of_colour, of_residuals, of_tone
+from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .runaway import runaway
 from .undeclared import undeclared
 from .uneven_noise import of_time
@@ -141,7 +141,9 @@ def check(fit: Estimates, line: str) -> Findings:
             d = diagnose(fit)
             residual = of_residuals(fit, d)
             found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
-            found += [of_tone(fit), *residual, of_colour(fit, d), of_time(fit)]
+            named = any(doubt and 'trend="linear"' in doubt.text for doubt in residual)
+            found += [of_tone(fit), *residual, None if named else of_drift(fit)]
+            found += [of_colour(fit, d), of_time(fit)]
         found += [
             biased(fit),
             minima(fit),

@@ -7,7 +7,7 @@ from math import isnan
 from .._core import sharpest
 from ..base.between import MIXED
 from ..models.noise import Noise
-from .cures import best_cure, convincing, of_written, with_drift
+from .cures import STRONG, best_cure, convincing, of_written, with_drift
 from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free, numbers
 from .estimates import Estimates
@@ -19,6 +19,7 @@ __all__ = [
     "UNLIKELY",
     "misfit",
     "of_colour",
+    "of_drift",
     "of_residuals",
     "of_tone",
     "refuted",
@@ -164,6 +165,20 @@ def of_colour(fit: Estimates, d: Diagnosis) -> Doubt | None:
     return Doubt(
         f'Weighting the lines by the noise spectrum, noise="coloured", makes the standard errors {gain:.2g} '
         "times smaller (geometric mean).",
+        sure=False,
+    )
+
+
+def of_drift(fit: Estimates) -> Doubt | None:
+    """That a slow drift pays by BIC, where lines are odd: tests leave it to noise that may be steep."""
+    if fit.trend != "constant" or not suspicious(fit):
+        return None
+    drift = with_drift(fit)
+    if drift is None or not drift.after < drift.before - STRONG:
+        return None
+    return Doubt(
+        f"A slow drift beside the constant explains part of the residuals: with {drift.words} BIC falls from "
+        f"{drift.before:.4g} to {drift.after:.4g}. Compare both fits.",
         sure=False,
     )
 

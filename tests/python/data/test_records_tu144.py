@@ -45,3 +45,11 @@ def test_trim_matters_and_a_third_pole_is_drift(numbers):
 
 def test_gains_without_a_model_agree(numbers):
     assert numbers["apart"] < 0.1
+
+
+def test_the_check_proposes_the_drift(numbers):
+    """BIC falls by 72 over the band of the constant; nothing was said of it."""
+    said = [text for text in numbers["trend"]["constant"].check() if 'trend="linear"' in text]
+    assert said
+    assert "BIC falls from -263.6 to -335.3" in said[0]
+    assert not [text for text in numbers["trend"]["linear"].check() if "drift" in text]
