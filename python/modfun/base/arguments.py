@@ -41,6 +41,11 @@ _CALLED = (
     (("n_jobs",), "threads", "their number"),
     (("m", "lines", "n_harmonics"), "harmonics", "the highest modulating index M"),
 )
+# What makes a system of coefficients, where a class is called with them.
+_MADE_BY = {
+    "TransferFunction": "It says what is estimated; a system with numbers is mf.tf(num, den)",
+    "LTI": "A system of coefficients is mf.tf(num, den), one of matrices mf.ss(A, B, C, D)",
+}
 _RAW = (TypeError, ValueError, AttributeError, LookupError, ArithmeticError, NotImplementedError)
 
 
@@ -177,23 +182,24 @@ def _refuse_call(written: inspect.Signature, name: str, args: tuple[Any, ...], g
     """Raise SpecError for names that do not exist, arguments without a name, and those that are missing."""
     own = [p for p in written.parameters.values() if p.name != "self"]
     args = args[len(written.parameters) - len(own) :]
+    hint = f". {_MADE_BY[name]}" if name in _MADE_BY and (args or {"num", "den"} & {*given}) else ""
     kinds = inspect.Parameter
     options = [p.name for p in own if p.kind in (kinds.POSITIONAL_OR_KEYWORD, kinds.KEYWORD_ONLY)]
     for key in given:
         if key not in options and not any(p.kind is kinds.VAR_KEYWORD for p in own):
-            raise SpecError(f"{name}: there is no option {key!r}; {meant(key, options)}") from None
+            raise SpecError(f"{name}: there is no option {key!r}; {meant(key, options)}{hint}") from None
     placed = [p.name for p in own if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
     if extra := args[len(placed) :]:
         free = [key for key in options if key not in placed and key not in given]
         call = ", ".join([*placed, *(f"{key}=..." for key in free[: len(extra)])]) or f"name={shown(args[0])}"
         count = f"{len(args)} arguments are" if len(args) > 1 else "1 argument is"
         raise SpecError(
-            f"{name}: {count} given without a name, at most {len(placed)} may be; write {name}({call})"
+            f"{name}: {count} given without a name, at most {len(placed)} may be; write {name}({call}){hint}"
         ) from None
     missing = [p.name for p in own if p.default is p.empty and p.name not in given and p.name in options]
     missing = [key for key in missing if key not in placed[: len(args)]]
     if missing:
-        raise SpecError(f"{name}: {', '.join(missing)} is missing; give {missing[0]}=...") from None
+        raise SpecError(f"{name}: {', '.join(missing)} is missing; give {missing[0]}=...{hint}") from None
     if twice := [key for key in placed[: len(args)] if key in given]:
         raise SpecError(
             f"{name}: {twice[0]} is given by its name, and is what {shown(args[placed.index(twice[0])])} is "

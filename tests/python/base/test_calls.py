@@ -56,3 +56,15 @@ def test_a_slip_deeper_down_stays_raw():
         outer([1])
     with pytest.raises(mf.SpecError, match=r"outer: x is missing; give x="):
         outer()
+
+
+@pytest.mark.parametrize(
+    ("args", "given"), [(([3], [1, 1.2, 4]), {}), ((), {"num": [3], "den": [1, 1.2, 4]})]
+)
+@pytest.mark.parametrize("kind", [mf.TransferFunction, mf.LTI])
+def test_classes_called_with_coefficients_name_what_makes_a_system(kind, args, given):
+    with pytest.raises(mf.SpecError, match=r"\. .*system .* mf\.tf\(num, den\)"):
+        kind(*args, **given)
+    with pytest.raises(mf.SpecError) as misspelt:
+        kind(zeroes=1)
+    assert "mf.tf" not in str(misspelt.value)
