@@ -24,6 +24,7 @@ FEWEST = 8  # samples a record must have
 LARGEST = 1e151  # of a sample: squares of a million of them are still numbers
 MOST_SAMPLES = 10**7  # a simulation may make
 TEXTS = "convert the texts to numbers first, or let modfun.read do it; names go to inputs= and outputs="
+ROUNDED = 0.6  # of a step: how far a clock that is rounded, to a step at most, may stray from an even grid
 EVEN = 1e-6  # of a step: what times may stray from an even grid and still be called even
 
 
@@ -296,3 +297,14 @@ def even_step(times: F64, rows: F64 | None = None) -> float | None:
                 slack = 1.01 * unit
                 break
     return step if stray <= slack else None
+
+
+def rounded_step(times: F64) -> float | None:
+    """Return the mean step of uneven times that rounding may have made of even ones, else None.
+
+    A unit of rounding of more than a step would make times stand still, so that none is off by much more
+    than half a step.
+    """
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    stray = float(np.abs(times - times[0] - step * np.arange(len(times))).max())
+    return step if stray < ROUNDED * step else None

@@ -25,7 +25,7 @@ from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
 from .gaps import across, blind, bridged, relative, variances
-from .prepared import KEPT, LONGEST, refuse_known_start
+from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -116,6 +116,10 @@ def _made(
     """As `prepare_equation`; `sampling` holds the number of samples and the step (or times) a record."""
     formulas = layout.formulas.words | ({} if starts is None else {"starts": list(starts)})
     formulas |= {} if within is None else {"bounds": list(within)}
+    late = layout.longest_delay
+    for _, step in sampling:
+        if late and not isinstance(step, float):
+            refuse_uneven(late, step)
     core = TermsFitter(
         [samples for samples, _ in sampling],
         [step for _, step in sampling],
@@ -124,7 +128,6 @@ def _made(
         levels=levels,
         **dict(words),
     )
-    late = layout.longest_delay
     intervals = tuple([samples - 1 - (ceil(late / step - 1e-9) if late else 0) for samples, step in sampling])
     return PreparedEquation(core, layout, intervals)
 

@@ -6,13 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import ceil
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import Fitter, JointFitter, Stream
 from ..base.arrays import F64
+from ..base.samples import rounded_step
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from ..models.options import Options
@@ -25,7 +26,8 @@ from .weights import weighting
 
 __all__ = [
     "Prepared", "counts_start", "fits_alone", "joint_words", "plain_words", "prepare", "prepare_stream",
-    "refuse_cut_off", "refuse_known_start", "refuse_process_noise", "refuse_standing", "spans",
+    "refuse_cut_off", "refuse_known_start", "refuse_process_noise", "refuse_standing", "refuse_uneven",
+    "spans",
 ]  # fmt: skip
 
 KEPT = 32  # kinds of fits
@@ -375,6 +377,16 @@ def _joint(
     return Prepared(core, layout, intervals, outputs=tuple(y for _, y, _, _ in filled), blinds=blinds)
 
 
+def refuse_uneven(late: float, times: F64) -> NoReturn:
+    """Refuse a delay of a record with uneven steps; a clock that was only rounded is named first."""
+    even = rounded_step(times)
+    clock = f"if its clock was only rounded, give dt={even:.6g} instead of the times; else " if even else ""
+    raise DataError(
+        f"fit: a delay of {late:g} s needs even sampling, and the record's steps are uneven; {clock}"
+        "resample it, or leave the delay out"
+    )
+
+
 def spans(layout: Layout, records: Sequence[Record]) -> tuple[int, ...]:
     """Sampling intervals of each record that a fit uses."""
     return _intervals(layout, tuple((rec.y.shape[1], rec.dt or rec.t) for rec in records))
@@ -388,10 +400,7 @@ def _intervals(layout: Layout, sampling: tuple[tuple[int, Any], ...]) -> tuple[i
 def _lead(late: float, samples: int, step: Any) -> int:
     """Samples by which the window starts late."""
     if not isinstance(step, float):
-        raise DataError(
-            f"fit: a delay of {late:g} s needs even sampling, and the record's steps are uneven; "
-            "resample it, or leave the delay out"
-        )
+        refuse_uneven(late, step)
     duration = (samples - 1) * step
     if late >= duration / 2:
         raise DataError(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..base.between import CLOSE, LOOP, form_of
+from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import angle_of
 from .dead_band import dead_band
@@ -103,7 +104,8 @@ def _clock(record: Samples) -> Iterator[str]:
         return
     grid = record.t[0] + record.duration / record.intervals * np.arange(len(record.t))
     stray = float(np.abs(record.t - grid).max()) / usual
-    rounded = " If the clock was only rounded, give dt= instead of the times." if stray < 0.6 else ""
+    step = rounded_step(record.t)
+    rounded = f" If the clock was only rounded, give dt={step:.6g} instead of the times." if step else ""
     yield (
         f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g} s, and times stray from an even grid by "
         f"up to {100 * stray:.2g} % of a step.{rounded}"
