@@ -76,7 +76,8 @@ def run(
     until: Annotated[
         list[str] | None,
         typer.Option(
-            metavar="FIGURE=LIMIT", help="Go on to this Monte Carlo error, as bias=0.001; repeat for several."
+            metavar="FIGURE=LIMIT",
+            help="Go on to this Monte Carlo error in units of parameters, as bias=0.001; repeat for several.",
         ),
     ] = None,
     threads: Annotated[int | None, typer.Option(help="Default: MODFUN_NUM_THREADS, else all cores.")] = None,

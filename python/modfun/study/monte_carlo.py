@@ -254,8 +254,9 @@ class MonteCarlo:
         until : dict of str to float, optional
             ``{"bias": 0.001}`` goes on until the Monte Carlo standard error of this figure ("bias", "sd",
             "rmse", "median", "coverage") is at most that in every cell, for every estimator and parameter
-            whose truth is known; where none is, "sd" of every parameter. It is looked at after each part,
-            so that any engine stops at the same.
+            whose truth is known; where none is, "sd" of every parameter. Limits are in the units of the
+            parameter, not in per cent as tables print them; of "coverage" a fraction. They are looked at
+            after each part, so that any engine stops at the same.
         threads : int, optional
             Default: MODFUN_NUM_THREADS, else the cores this process may use. Functions of yours run in the
             calling thread.
