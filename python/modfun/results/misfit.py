@@ -171,7 +171,7 @@ def of_colour(fit: Estimates, d: Diagnosis) -> Doubt | None:
 
 def of_drift(fit: Estimates) -> Doubt | None:
     """That a slow drift pays by BIC, where lines are odd: tests leave it to noise that may be steep."""
-    if fit.trend != "constant" or not suspicious(fit):
+    if fit.trend != "constant" or not suspicious(fit) or level_p(fit) > 1 - LOOK:  # below the noise: no drift
         return None
     drift = with_drift(fit)
     if drift is None or not drift.after < drift.before - STRONG:
