@@ -201,9 +201,13 @@ def _sought(
         return _of_found(made.core.fit(rows), structure, made, options, records, seen is not None, again)
 
     outputs = [y for _, y, _, _ in filled]
-    fit = fitted(outputs, learn=False) if learns and _quiet(records, order) else None
-    if fit is None or not fit.success or noise_free(fit) is None:
-        fit = fitted(outputs)
+    quiet = learns and _quiet(records, order)
+    held = any(["zoh" in rec.intersample for rec in records])
+    told = fitted(outputs, learn=False) if quiet and held else None
+    fit = told if told and told.success and noise_free(told) else fitted(outputs)
+    if quiet and not fit.success:  # a level ran away, so that its output counted for nothing
+        told = told or fitted(outputs, learn=False)
+        fit = told if told.success else fit
     blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
     return across(fit, outputs, blinds, fitted)
 
@@ -211,10 +215,9 @@ def _sought(
 def _quiet(records: Sequence[Record], order: int) -> bool:
     """Whether the outputs may be without noise: their high band holds no more than kinks of held inputs do.
 
-    The residuals are then errors of the quadrature, and levels of white noise learnt from these run away.
+    The residuals are then errors of the quadrature, and levels of white noise learnt from these may run away.
     """
-    even = all([rec.dt is not None and rec.mask is None for rec in records])
-    if not even or not any(["zoh" in rec.intersample for rec in records]):
+    if any([rec.dt is None or rec.mask is not None for rec in records]):
         return False
     ys = [np.ascontiguousarray(rec.y) for rec in records if rec.intervals >= 8 * (order + 4)]
     with np.errstate(divide="ignore", invalid="ignore"):

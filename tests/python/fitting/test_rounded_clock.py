@@ -10,7 +10,9 @@ LATE = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(min=0, max=30))
 def record(step, decimals):
     """300 steps of a held second-order system behind two steps, its clock rounded to these decimals."""
     system = mf.tf([1], [8 * step**2, 6 * step, 1], delay=2 * step)
-    made = mf.simulate(system, input=f"sin(t**2/{1600 * step**2})", duration=300 * step, intervals=300, seed=1)
+    made = mf.simulate(
+        system, input=f"sin(t**2/{1600 * step**2})", duration=300 * step, intervals=300, seed=1
+    )
     return mf.Record(y=made.y, u=made.u, t=made.t.round(decimals), intersample="smooth")
 
 
