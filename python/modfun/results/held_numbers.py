@@ -15,13 +15,13 @@ from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
-from .cures import CLOSE, ENOUGH, Cure, again, bic_beside, convincing, of_written, on_band
+from .cures import CLOSE, ENOUGH, Cure, Realigned, again, bic_beside, convincing, of_written, on_band
 from .diagnosis import level_p
 from .doubts import Doubt
 from .estimates import Estimates
 from .misfit import suspicious
 
-__all__ = ["contradicted_numbers"]
+__all__ = ["contradicted_numbers", "number_beside"]
 
 FREED = "freed_"  # names of the parameters in the place of numbers
 SIGMAS = 4.0  # standard errors within which a number agrees
@@ -57,10 +57,9 @@ class Number:
         """Standard errors between both."""
         return abs(self.found - self.held) / self.error
 
-    @property
-    def slack(self) -> float:
+    def slack(self, rough: float = ROUGH) -> float:
         """By how much the logarithm of their ratio may be off."""
-        return max(SIGMAS * self.error / abs(self.found), ROUGH) if self.found else inf
+        return max(SIGMAS * self.error / abs(self.found), rough) if self.found else inf
 
     def __str__(self) -> str:
         return f"the record has {self.found:.4g} ± {self.error:.2g} times {self.words}"
@@ -123,26 +122,58 @@ def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | No
     worst = max(numbers, key=lambda number: number.off)
     if not (cure.level_p > ENOUGH and worst.off > SIGMAS):
         return None
+    after = _named_alone(fit, numbers, cure)
     beside = of_written(fit, first_only=True) if fit.usable else None
-    if beside is not None and beside.after < cure.after + CLOSE:
-        return None  # a sensor, of which numbers take up what they can
-    fallen = f" BIC falls from {cure.before:.4g} to {cure.after:.4g}." if isfinite(cure.before) else ""
+    # A time that all samples share is likelier than a scale factor that looks like it.
+    if beside is not None and beside.after < after + CLOSE * isinstance(beside, Realigned):
+        return None
+    if sum(number.off > SIGMAS for number in numbers) > 1 and (doubt := _of_calibration(numbers)):
+        return doubt
+    fallen = f" BIC falls from {cure.before:.4g} to {after:.4g}." if isfinite(cure.before) else ""
+    if beside is not None and beside.after < after + CLOSE:
+        fallen += f" About as well ({beside.after:.4g}): {beside.words}."
     return Doubt(
         f"A number in the equations contradicts the record: {worst}. First write a parameter in its place, "
-        f"or look for the unit or sign of a channel.{fallen}"
+        f"or look for the unit, the scale factor or the sign of a channel.{fallen}"
     )
 
 
-def _scales(numbers: Sequence[Number], chosen: Sequence[str]) -> Iterator[dict[str, float]]:
+def _named_alone(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> float:
+    """BIC with a parameter for one number, if the others lower -2 log likelihood by 1 each, as by chance."""
+    return cure.after - (len(numbers) - 1) * (log(fit.df_resid + fit.params.size) - 1)
+
+
+def number_beside(fit: Estimates, cure: Cure) -> str:
+    """That a number in the equations explains about as much as a sensor; "" where none does."""
+    numbers, other = _read(fit) or ((), cure)
+    worst = max(numbers, key=lambda number: number.off, default=None)
+    if worst is None or not (other.level_p > ENOUGH and worst.off > SIGMAS):
+        return ""
+    after = _named_alone(fit, numbers, other)
+    if not after < cure.after + CLOSE:
+        return ""
+    return f" A number in the equations, or a scale factor, does about as well (BIC {after:.4g}): {worst}."
+
+
+def _of_calibration(numbers: Sequence[Number]) -> Doubt | None:
+    """That the scale factor of one channel, of any size, explains all numbers within their errors."""
+    channels = dict.fromkeys(name for number in numbers for name in number.powers)
+    found = [scales for name in channels for scales in _scales(numbers, (name,), rough=0.0)]
+    return Doubt(_told(found[0], found[1:], numbers)) if found else None
+
+
+def _scales(
+    numbers: Sequence[Number], chosen: Sequence[str], rough: float = ROUGH
+) -> Iterator[dict[str, float]]:
     """Factors of these channels by which every number is explained."""
-    sure = [number for number in numbers if number.slack < 1]
+    sure = [number for number in numbers if number.slack(rough) < 1]
     powers = np.array([[number.powers.get(name, 0) for name in chosen] for number in sure], dtype=float)
     if not sure or np.linalg.matrix_rank(powers) < len(chosen):
         return
     ratios = np.array([number.found / number.held for number in sure])
     sizes, weights = np.log(np.abs(ratios)), np.array([abs(number.found) / number.error for number in sure])
     logs = np.linalg.lstsq(powers * weights[:, None], sizes * weights, rcond=None)[0]
-    if np.any(np.abs(sizes - powers @ logs) > [number.slack for number in sure]):
+    if np.any(np.abs(sizes - powers @ logs) > [number.slack(rough) for number in sure]):
         return
     for signs in product((1, -1), repeat=len(chosen)):
         turned = np.prod(np.where(powers % 2 == 1, signs, 1), axis=1)
@@ -168,6 +199,8 @@ def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers:
         minus, unit = "-" if factor < 0 else "", _unit(factor)
         turned = "of the opposite sign" if factor < 0 else ""
         words = f"{unit[1]}, {unit[0]:.3g} times what the equations need" if unit else ""
+        if not (unit or _turned(factor)):
+            words, unit = f"{abs(factor):.4g} times what the equations need", (abs(factor), "")
         parts.append(f"{name} seems to be " + " and ".join(filter(None, (turned, words))))
         size = unit[0] if unit else 1.0
         scaled = "" if size == 1 else f"/{size:.4g}" if size > 1 else f"*{1 / size:.4g}"
@@ -218,8 +251,51 @@ def _of_matrices(model: StateSpace, found: list[Number]) -> dict[str, Any]:
         if shown[i] is None and {*names_in((model.C[i], model.D[i]))} <= inner:
             for row in (c[i], d[i]):
                 row[:] = [f"(1 + {FREED}{len(found)})*({own})" for own in row]
-            found.append(Number(f"what the equations make of {y}", 1.0, {y: 1}))
+            powers = _of_output(model, i, measured, held)
+            found.append(Number(f"what the equations make of {y}", 1.0, powers))
     return {"A": a, "B": b, "C": c, "D": d}
+
+
+def _of_output(model: StateSpace, i: int, measured: dict[int, str], held: dict[str, float]) -> dict[str, int]:
+    """How often the scale of each channel stands in that of an output which is made of others.
+
+    In az = V*Za*alpha + V*Zd*de the scale of Za is 1, and that of Zd is alpha's over that of de: az seems to
+    have the scale of az over that of alpha. Where entries do not agree on that, az has a scale of its own.
+    """
+    y, inputs = model.outputs[i], dict(enumerate(model.inputs))
+    own = dict[Any, dict[str, int]]()
+    for at, to in measured.items():
+        for row, columns in ((model.A[at], measured), (model.B[at], inputs)):
+            own |= {row[j]: _ratio({to: 1}, {x: 1}) for j, x in columns.items() if isinstance(row[j], str)}
+    found = []
+    for row, columns in ((model.C[i], measured), (model.D[i], inputs)):
+        for j, entry in enumerate(row):
+            free = [name for name in names_in(((entry,),)) if name not in held]
+            if entry == 0:
+                continue
+            if j not in columns or len(free) > 1 or (free and not _times(model, entry, free[0], own)):
+                return {y: 1}
+            found.append(_ratio({y: 1}, {columns[j]: 1}, own[free[0]] if free else {}))
+    return found[0] if found and all(one == found[0] for one in found) else {y: 1}
+
+
+def _times(model: StateSpace, entry: Any, name: str, known: dict[Any, Any]) -> bool:
+    """Whether an entry is a number times a parameter whose scale is known."""
+    from ..equations.symbolic.linear import numbers
+
+    if name not in known:
+        return False
+    one, two = (float(numbers(((entry,),), model.params, {name: at})[0][0]) for at in (1.0, 2.0))
+    return abs(two - 2 * one) <= 1e-9 * abs(one)
+
+
+def _ratio(over: dict[str, int], *under: dict[str, int]) -> dict[str, int]:
+    """Powers of a ratio, without those that are 0."""
+    found = dict(over)
+    for powers in under:
+        for name, power in powers.items():
+            found[name] = found.get(name, 0) - power
+    return {name: power for name, power in found.items() if power}
 
 
 def _of_texts(model: Equation, found: list[Number]) -> dict[str, Any]:

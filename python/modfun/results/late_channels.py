@@ -17,6 +17,7 @@ from .cures import (
 from .diagnosis import level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
+from .held_numbers import number_beside
 from .misfit import UNLIKELY
 from .shifts import Shift, likeliest_shift
 
@@ -46,11 +47,13 @@ def late_channel(fit: Estimates) -> Doubt | None:
             return None
         name, was, now, _ = furthest(fit, cure.fit)
         moved = f" {name} is {was} so, and {now} with {shift.channel} at its time."
-        return Doubt(_told(fit, cure.shift) + moved + _first(cure), sure)
+        return Doubt(_told(fit, cure.shift) + moved + _first(cure) + _else(fit, cure, sure), sure)
     if cure is None:
         acts = shift.channel in fit.inputs and shift.late < 0
         return Doubt(f"{_told(fit, shift)} First try a delay.", sure=False) if acts else None
-    return Doubt(_told(fit, shift) + _first(cure), sure) if _of_time(cure, shift) else None
+    if not _of_time(cure, shift):
+        return None
+    return Doubt(_told(fit, shift) + _first(cure) + _else(fit, cure, sure), sure)
 
 
 def _otherwise(fit: Estimates, shift: Shift) -> str:
@@ -96,6 +99,10 @@ def _told(fit: Estimates, shift: Shift) -> str:
 
 def _first(cure: Cure) -> str:
     return f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
+
+
+def _else(fit: Estimates, cure: Cure, sure: bool) -> str:
+    return number_beside(fit, cure) if sure else ""
 
 
 def _step(fit: Estimates) -> float:
