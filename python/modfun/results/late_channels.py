@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .cures import (
+    ENOUGH,
     WORTH,
     Cure,
     Realigned,
@@ -16,6 +17,7 @@ from .cures import (
 )
 from .diagnosis import level_p
 from .doubts import SURE, Doubt, noise_free
+from .driven_equations import driven
 from .estimates import Estimates
 from .held_numbers import number_beside
 from .misfit import UNLIKELY
@@ -42,6 +44,8 @@ def late_channel(fit: Estimates) -> Doubt | None:
     cure = of_written(fit, first_only=not level_p(fit) < SURE) if sure else None
     if cure is None:
         cure = realigned(fit)
+    if cure is not None and sure and level_p(fit) < SURE and not cure.level_p > ENOUGH and driven(fit):
+        return None  # of gusts a shift explains a little
     if isinstance(cure, Realigned):
         if not cure.after < cure.before:
             return None

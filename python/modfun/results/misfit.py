@@ -7,9 +7,10 @@ from math import isnan
 from .._core import sharpest
 from ..base.between import MIXED
 from ..models.noise import Noise
-from .cures import STRONG, best_cure, convincing, of_written, with_drift
+from .cures import ENOUGH, STRONG, Cure, best_cure, convincing, of_written, with_drift
 from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free, numbers
+from .driven_equations import driven
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
@@ -34,6 +35,7 @@ LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by its
 SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about, and of gains
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 AMPLIFIED = 3.0  # ratio of noise levels beyond which products of derivatives have bent estimates
+DRIVES = "seems to drive the equations"
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
 
@@ -106,7 +108,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
     seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
     if d.chi2_p < _plausible(fit) or (isnan(d.chi2_p) and seen):
         products = _of_products(fit, d)
-        said += [(products, 0.0)] if products else _of_written(fit, sure_only)
+        said += [(products, 0.0)] if products else _of_written(fit, d, sure_only)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
     if d.correlation.p_value < UNLIKELY:
@@ -119,7 +121,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
                 d.correlation.p_value < SUREST and stationary(fit),
             )
         )
-    if too_large(d.chi2_p):
+    if too_large(d.chi2_p) and not any(DRIVES in doubt.text for doubt, _ in said):
         found.append(_too_large(fit, d, alone=not (said or explained), sure_only=sure_only))
     elif too_small(d.chi2_p, d.level_ratio):
         found.append(
@@ -270,20 +272,43 @@ def _of_free_motion(fit: Estimates) -> list[tuple[Doubt, float]]:
     return found
 
 
-def _of_written(fit: Estimates, sure_only: bool) -> list[tuple[Doubt, float]]:
-    """What equations and a state space lack, of what sensors, actuators and a term more explain."""
+def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Doubt, float]]:
+    """What equations and a state space lack, of what sensors, actuators and a term more explain.
+
+    Where that leaves more than the noise of the high band, noise that drives the equations may explain more.
+    """
     # Terms, of which there are many, are for `check`, unless one equation is refuted.
-    few = sure_only and (len(fit.row_names) > 1 or not level_p(fit) < SURE)
+    few = sure_only and (len(fit.row_names) > 1 or not d.chi2_p < SURE)
     cure = of_written(fit, first_only=few)
-    if cure is None:
-        return []
+    said = [_lacking(fit, cure)] if cure else []
+    if d.chi2_p < SURE and not (cure and cure.level_p > ENOUGH) and (noise := driven(fit)) is not None:
+        term = of_written(fit) if few else None
+        settled = term is not None and term.level_p > ENOUGH
+        said.append(_lacking(fit, term) if term and settled else _driving(fit, d, noise))
+    return said
+
+
+def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
+    """What is missing in words, and by how much it lowers BIC."""
     ratio = level_ratio(fit)
     level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {_reference(fit)}"
     text = (
         f"Part of the response is missing{level}. First try {cure.words}: BIC falls from {cure.before:.4g} "
         f"to {cure.after:.4g}."
     )
-    return [(Doubt(text, convincing(fit, cure)), cure.before - cure.after)]
+    return Doubt(text, convincing(fit, cure)), cure.before - cure.after
+
+
+def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
+    """That noise drives the equations, in words, and by how much that lowers BIC."""
+    cause = "One cause, such as a gust," if "ProcessNoise" in cure.words else "Turbulence or load"
+    text = (
+        f"The residuals are {d.level_ratio:.3g} times {_reference(fit)} (p = {d.chi2_p:.2g}), and their "
+        f"spectra are no sensor's. {cause} {DRIVES}, and standard errors are too small; an input that is not "
+        f"in the record, or a missing term, looks alike. First try {cure.words}: BIC falls from "
+        f"{cure.before:.4g} to {cure.after:.4g}."
+    )
+    return Doubt(text), cure.before - cure.after
 
 
 def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:

@@ -10,7 +10,7 @@ from ..models.transfer_function import TransferFunction
 from .cures import WORTH, again, on_band
 from .estimates import Estimates
 
-__all__ = ["gain_of_colour", "gain_of_process", "hum", "origin"]
+__all__ = ["APART", "gain_of_colour", "gain_of_process", "hum", "origin"]
 
 RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
 APART = 14.0

@@ -16,7 +16,7 @@ from ..records.corners import driving
 from ..records.record import Record
 from .estimates import Estimates
 
-__all__ = ["Shift", "likeliest_shift"]
+__all__ = ["Shift", "likeliest_shift", "output_lines"]
 
 ASKED = 0.01  # p-value in white noise below which the noise's colour is looked at
 FINE = 40  # samples per period of the highest line, beyond which kinks of held inputs are below the noise
@@ -251,6 +251,39 @@ def _columns(fit: Estimates, model: _Linear, k: int, exact: bool) -> F64 | None:
 
     Real parts of all outputs, line after line, then imaginary ones; None where the equations are singular.
     """
+    outputs = len(fit.outputs)
+    v, p, turned, powers, shapes = _signal_lines(fit, model, k, exact)
+    own = [(j, channel) for j, channel in enumerate(model.of) if channel < outputs]
+    noise_cov = fit.noise_cov
+    if fit.record_levels is not None:
+        noise_cov = noise_cov * np.outer(fit.level_ratios[k], fit.level_ratios[k])
+    try:
+        factor = np.linalg.cholesky(noise_cov)
+        whiten: Any = np.linalg.inv(p.transpose(2, 0, 1) @ factor).transpose(1, 2, 0)
+    except np.linalg.LinAlgError:
+        return None
+    e = model.weights[0] @ (powers[:, None] * v).reshape(-1, v.shape[1])
+    whitened = np.concatenate([(z := (whiten * e).sum(axis=1).ravel()).real, z.imag])
+    if not np.isfinite(whitened).all():
+        return None
+    basis = _real(_ends(fit, whiten, shapes))
+    basis /= np.sqrt(np.einsum("pn,pn->p", basis, basis))[:, None]
+    q = np.linalg.qr(basis.T)[0]
+    whitened -= q @ (q.T @ whitened)
+    half = whitened.size // 2
+    noise = factor @ (whitened[:half] + 1j * whitened[half:]).reshape(outputs, -1)
+    for j, channel in own:
+        v[j] -= turned[j] * noise[channel]
+    found = model.weights[1:] @ (powers[:, None] * v).reshape(-1, v.shape[1])
+    columns = _real((whiten[None] * found[:, None]).sum(axis=2))
+    columns -= (columns @ q) @ q.T
+    return np.concatenate([columns, whitened[None]])
+
+
+def _signal_lines(
+    fit: Estimates, model: _Linear, k: int, exact: bool
+) -> tuple[C128, C128, list[Any], C128, C128]:
+    """Signals (signal, line) of a record, P (equation, output, line), turns by delays, and `_powers`."""
     rec: Any = (_unfolded(fit) or fit.records or ())[k]
     layout: Any = fit.layout
     low, high = max(fit.lines[k][0], 1), fit.lines[k][1]
@@ -264,39 +297,43 @@ def _columns(fit: Estimates, model: _Linear, k: int, exact: bool) -> F64 | None:
     start = rec.intervals - fit.intervals[k]
     v = coefficients(np.ascontiguousarray(rows), high, kinds, delays, start, None)[:, low:]
     turned = [np.exp(-s * late) if late else 1.0 for late in model.late]
-    own = [(j, channel) for j, channel in enumerate(model.of) if channel < outputs]
     each = model.weights[0].reshape(outputs, len(powers), -1).transpose(0, 2, 1) @ powers
-    p = np.zeros((outputs, outputs, s.size), complex)  # equation, output
-    for j, channel in own:
-        p[:, channel] += each[:, j] * turned[j]
-    noise_cov = fit.noise_cov
-    if fit.record_levels is not None:
-        noise_cov = noise_cov * np.outer(fit.level_ratios[k], fit.level_ratios[k])
-    try:
-        factor = np.linalg.cholesky(noise_cov)
-        whiten: C128 = np.linalg.inv(p.transpose(2, 0, 1) @ factor).transpose(1, 2, 0)
-    except np.linalg.LinAlgError:
-        return None
-    e = model.weights[0] @ (powers[:, None] * v).reshape(-1, s.size)
-    whitened = np.concatenate([(z := (whiten * e).sum(axis=1).ravel()).real, z.imag])
-    if not np.isfinite(whitened).all():
-        return None
-    # A derivative more than the equations have is that of a channel's shift.
+    p = np.zeros((outputs, outputs, s.size), complex)
+    for j, channel in enumerate(model.of):
+        if channel < outputs:
+            p[:, channel] += each[:, j] * turned[j]
+    return v, p, turned, powers, shapes
+
+
+def _ends(fit: Estimates, whiten: C128, shapes: C128) -> C128:
+    """What ends of a record and a drift add, (column, output, line).
+
+    A derivative more than the equations have is that of a channel's shift.
+    """
+    layout: Any = fit.layout
     ends = [whiten[:, row] * shapes[j] for row, order in enumerate(layout.orders) for j in range(order + 1)]
     if fit.trend == "linear":
-        ends += [whiten[:, row] / shapes[1] for row in range(outputs)]
-    basis = _real(np.array(ends))
-    basis /= np.sqrt(np.einsum("pn,pn->p", basis, basis))[:, None]
-    q = np.linalg.qr(basis.T)[0]
-    whitened -= q @ (q.T @ whitened)
-    half = whitened.size // 2
-    noise = factor @ (whitened[:half] + 1j * whitened[half:]).reshape(outputs, -1)
-    for j, channel in own:
-        v[j] -= turned[j] * noise[channel]
-    found = model.weights[1:] @ (powers[:, None] * v).reshape(-1, s.size)
-    columns = _real((whiten[None] * found[:, None]).sum(axis=2))
-    columns -= (columns @ q) @ q.T
-    return np.concatenate([columns, whitened[None]])
+        ends += [whiten[:, row] / shapes[1] for row in range(len(fit.outputs))]
+    return np.array(ends)
+
+
+def output_lines(fit: Estimates) -> list[tuple[C128, C128]] | None:
+    """Residuals of the outputs (output, line) of each record, and what its ends add (column, output, line).
+
+    None where equations are not linear, or singular.
+    """
+    model = _linear(fit) if len(fit.outputs) and _testable(fit) else None
+    found = []
+    for k in range(len(fit.lines) if model else 0):
+        assert model is not None
+        v, p, _, powers, shapes = _signal_lines(fit, model, k, exact=True)
+        e = model.weights[0] @ (powers[:, None] * v).reshape(-1, v.shape[1])
+        try:
+            inverse: Any = np.linalg.inv(p.transpose(2, 0, 1)).transpose(1, 2, 0)
+        except np.linalg.LinAlgError:
+            return None
+        found.append(((inverse * e).sum(axis=1), _ends(fit, inverse, shapes)))
+    return found or None
 
 
 @lru_cache(32)
