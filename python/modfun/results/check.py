@@ -42,6 +42,7 @@ from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .runaway import runaway
 from .undeclared import undeclared
 from .uneven_noise import of_time
+from .unlike_records import unlike_records
 from .unnamed_inputs import missing_input
 
 __all__ = ["check", "warnings_of"]
@@ -110,8 +111,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound, misbegun, unexpected,
-    stored_late, in_two_units, contradicted_numbers, missing_input, late_channel, unexplained, fed_back,
-    unsettled, unstable, condition, undeclared,
+    stored_late, in_two_units, unlike_records, contradicted_numbers, missing_input, late_channel, unexplained,
+    fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -135,7 +136,8 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())
         note = noise_free(fit)
-        told = [said[look] for look in (stored_late, contradicted_numbers, missing_input, late_channel)]
+        first = (stored_late, unlike_records, contradicted_numbers, missing_input, late_channel)
+        told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(fit)
