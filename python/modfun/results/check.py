@@ -20,13 +20,11 @@ from .doubts import (
     few_samples,
     in_hertz,
     in_two_units,
-    mean,
     minima,
     noise_bends,
     noise_free,
     of_records,
     of_stability,
-    offset,
     on_bound,
     repeated,
     twin,
@@ -39,6 +37,7 @@ from .held_numbers import contradicted_numbers
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
+from .offsets import mean, offset
 from .runaway import runaway
 from .undeclared import undeclared
 from .uneven_noise import of_time

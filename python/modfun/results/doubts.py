@@ -1,11 +1,10 @@
-"""Doubts about a fit that need no test of its residuals: offsets, bounds, stability, conditioning."""
+"""Doubts about a fit that need no test of its residuals: bounds, stability, samples, conditioning."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache, partial
 from itertools import combinations
 from typing import Any
 
@@ -15,8 +14,7 @@ from numpy.typing import NDArray
 from ..base.names import listed
 from ..records.check import mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
-from .cures import WORTH, again, bic_beside, furthest, offset_of, on_band
-from .diagnosis import fewest_samples, growth, level_p, lower_p, overlapping, surely_stable
+from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
 from .priors import contradicted_priors
@@ -32,15 +30,14 @@ __all__ = [
     "few_samples",
     "in_hertz",
     "in_two_units",
-    "mean",
     "minima",
     "noise_bends",
     "noise_free",
     "numbers",
     "of_records",
-    "offset",
     "on_bound",
     "repeated",
+    "rms",
     "twin",
     "unexpected",
     "unstable",
@@ -48,13 +45,7 @@ __all__ = [
 
 FEW_SAMPLES = 8.0  # a period of the highest harmonic
 CONDITION = 1e6
-# Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
-OFFSET = 1000.0
-ROUNDING = 1e-12  # the same the other way round: a channel that stands, as the speed of a record may
 SURE = 1e-4  # p-value below which a fit warns by itself
-# Where an offset bends the estimate, residuals are so many times the noise of the high band, and a constant
-# makes them smaller by such a factor.
-AWAY, BENT = 1.5, 2.0
 FINEST = 1e-3  # of an output: finer residuals may be errors of the quadrature
 BLOCK = 2**16  # samples
 # Share of the outputs' power below the edge of a band: in the wrong unit at most, in the right at least.
@@ -79,124 +70,10 @@ class Doubt:
     sure: bool = True
 
 
-def offset(fit: Estimates) -> Doubt | None:
-    """That a channel of an equation is far from zero for how little it moves."""
-    if fit.has_poles:
-        return None  # of linear models the core takes offsets out before its sums
-    for record in fit.records or ():
-        for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
-            mean = float(values.mean())
-            spread = _rms(values, mean)
-            if abs(mean) > OFFSET * spread > ROUNDING * abs(mean):
-                return Doubt(
-                    f"Channel {name!r} moves by {spread:.2g} (rms) about {mean:.6g}, which is "
-                    f"{abs(mean) / spread:.2g} times larger and costs the equation's terms digits. Write the "
-                    "equation for deviations from it."
-                )
-    return None
-
-
-def _rms(values: NDArray[np.float64], mean: float) -> float:
+def rms(values: NDArray[np.float64], mean: float) -> float:
     """Standard deviation; `std` makes a copy, as large as the record."""
     parts = (values[k : k + BLOCK] - mean for k in range(0, values.size, BLOCK))
     return math.sqrt(sum(float(np.sum(part * part)) for part in parts) / values.size)
-
-
-def mean(fit: Estimates) -> Doubt | None:
-    """That the mean of a record, line 0, contradicts a model without a constant."""
-    without = fit.trend is None and any(low == 0 for low, _ in fit.lines)
-    if not without or fit.df_resid < 2 or not fit.records:
-        return None
-    beside = cache(partial(_with_constant, fit))  # made where it is first wanted
-    if fit.layout.rational:
-        told = _bent(fit, beside) or _better(fit, beside)
-        return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit, beside())}') if told else None
-    from scipy.special import stdtr
-
-    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
-    means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
-    if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
-        # The equation took the offset for the signal.
-        return Doubt(
-            f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
-            f"constant, and no parameter is larger than its standard error. {_constant(fit, beside())}"
-        )
-    if told := _bent(fit, beside):
-        return Doubt(f"{told} {_constant(fit, beside())}")
-    at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
-    if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
-        return None
-    # Residuals have unit variance; the degrees of freedom that this one leaves are those of the others.
-    worst, others = float(np.max(at)), fit.df_resid - 1
-    t = worst / math.sqrt(max(fit.df_resid - worst**2, 1e-9) / others)
-    if 2 * float(stdtr(others, -t)) * np.size(at) > SURE:
-        return None
-    return Doubt(
-        f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
-        f"have an offset, and the equation has no constant. {_constant(fit, beside())}"
-    )
-
-
-def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
-    """That a constant explains residuals: an offset larger than the motion bends the estimate to line 0."""
-    levels = np.sqrt(np.diag(fit.noise_cov))
-    if np.all(levels < AWAY * fit.high_band_levels):
-        return ""  # before the means, which take longer than all else here
-    moved = [np.concatenate([rec.y, rec.u]) for rec in fit.records or ()]
-    means = np.mean([values.mean(axis=1) for values in moved], axis=0)
-    spread = np.sqrt(np.mean([values.var(axis=1) for values in moved], axis=0))
-    noise = np.fmax(AWAY * fit.high_band_levels, FINEST * spread[: levels.size])
-    if not np.any(np.abs(means) > spread) or np.all(levels < noise):
-        return ""
-    if (other := beside()) is None:
-        return ""
-    left = np.sqrt(np.diag(other.noise_cov))
-    ratio = float(np.prod(levels / left)) ** (1 / levels.size)
-    if ratio < BENT or lower_p(fit, other, ratio) > SURE:
-        return ""
-    names = ", ".join((*fit.outputs, *fit.inputs))
-    return (
-        f"The means of {names} are {numbers(means)}, of motions of {numbers(spread)} (rms), and a constant "
-        f"lowers the residuals from {numbers(levels)} to {numbers(left)}: channels have an offset."
-    )
-
-
-def _better(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
-    """That a constant explains residuals which are far above the noise, whatever the size of the offset."""
-    if not level_p(fit) < SURE or (other := beside()) is None:
-        return ""
-    before, after = bic_beside(fit, fit), bic_beside(other, fit)
-    if not after < before - WORTH:
-        return ""
-    return (
-        f"The model has no constant, and with one BIC falls from {before:.4g} to {after:.4g}: channels have "
-        "an offset."
-    )
-
-
-def _with_constant(fit: Estimates) -> Estimates | None:
-    """The fit with a constant in each equation."""
-    if fit.again is None or fit.records is None:
-        return None
-    options = on_band(fit, fit.band).replace(trend="constant")
-    other = again(fit, fit.records, fit.structure, options)
-    return other if other is not None and other.params.shape == fit.params.shape else None
-
-
-def _constant(fit: Estimates, other: Estimates | None) -> str:
-    """The first cure of an offset: of the channel, where that explains more than a constant."""
-    words = offset_of(fit, math.inf if other is None else bic_beside(other, fit))
-    return (
-        words or f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit, other)}'
-    )
-
-
-def _both_ways(fit: Estimates, other: Estimates | None) -> str:
-    """The parameter that a constant changes most, without and with it."""
-    if other is None or not fit.params.size:
-        return ""
-    name, was, now, _ = furthest(fit, other)
-    return f" {name} is {was} without and {now} with it."
 
 
 def on_bound(fit: Estimates) -> Doubt | None:
@@ -398,7 +275,7 @@ def contradicted(fit: Estimates) -> Doubt | None:
     told = fit.options.initial_state
     if told == "unknown" or not fit.records:
         return None
-    spread = max(_rms(rec.y[0], float(rec.y[0].mean())) for rec in fit.records)
+    spread = max(rms(rec.y[0], float(rec.y[0].mean())) for rec in fit.records)
     p = contradicted_p(fit)
     if p > 0.01 or not math.sqrt(fit.noise_cov[0, 0]) > FINEST * spread:
         return None
@@ -450,7 +327,7 @@ def noise_free(fit: Estimates) -> str | None:
         return None
     levels = np.sqrt(np.diag(fit.noise_cov))
     spread = np.sqrt([
-        np.mean([_rms(rec.y[i], float(rec.y[i].mean())) ** 2 for rec in fit.records])
+        np.mean([rms(rec.y[i], float(rec.y[i].mean())) ** 2 for rec in fit.records])
         for i in range(len(fit.outputs))
     ])  # fmt: skip
     # One scale for all outputs does not say in which of them the errors are.

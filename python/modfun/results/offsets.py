@@ -1,0 +1,152 @@
+"""Doubts about constants: offsets, trim and gravity that a model does not have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache, partial
+
+import numpy as np
+
+from .cures import ENOUGH, STRONG, WORTH, again, bic_beside, furthest, offset_of, on_band
+from .diagnosis import level_p, lower_p
+from .doubts import FINEST, SURE, Doubt, numbers, rms
+from .estimates import Estimates
+
+__all__ = ["mean", "offset"]
+
+# Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
+OFFSET = 1000.0
+ROUNDING = 1e-12  # the same the other way round: a channel that stands, as the speed of a record may
+# Where an offset bends the estimate, residuals are so many times the noise of the high band, and a constant
+# makes them smaller by such a factor.
+AWAY, BENT = 1.5, 2.0
+
+
+def offset(fit: Estimates) -> Doubt | None:
+    """That a channel of an equation is far from zero for how little it moves."""
+    if fit.has_poles:
+        return None  # of linear models the core takes offsets out before its sums
+    for record in fit.records or ():
+        for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
+            mean = float(values.mean())
+            spread = rms(values, mean)
+            if abs(mean) > OFFSET * spread > ROUNDING * abs(mean):
+                return Doubt(
+                    f"Channel {name!r} moves by {spread:.2g} (rms) about {mean:.6g}, which is "
+                    f"{abs(mean) / spread:.2g} times larger and costs the equation's terms digits. Write the "
+                    "equation for deviations from it."
+                )
+    return None
+
+
+def mean(fit: Estimates) -> Doubt | None:
+    """That the mean of a record, line 0, contradicts a model without a constant."""
+    without = fit.trend is None and any(low == 0 for low, _ in fit.lines)
+    if not without or fit.df_resid < 2 or not fit.records:
+        return None
+    beside = cache(partial(_with_constant, fit))  # made where it is first wanted
+    if fit.layout.rational:
+        told = _bent(fit, beside) or _better(fit, beside)
+        return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit, beside())}') if told else None
+    from scipy.special import stdtr
+
+    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
+    means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
+    if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
+        # The equation took the offset for the signal.
+        return Doubt(
+            f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
+            f"constant, and no parameter is larger than its standard error. {_constant(fit, beside())}"
+        )
+    if told := _bent(fit, beside) or _settled(fit, beside):
+        return Doubt(f"{told} {_constant(fit, beside())}")
+    at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
+    if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
+        return None
+    # Residuals have unit variance; the degrees of freedom that this one leaves are those of the others.
+    worst, others = float(np.max(at)), fit.df_resid - 1
+    t = worst / math.sqrt(max(fit.df_resid - worst**2, 1e-9) / others)
+    if 2 * float(stdtr(others, -t)) * np.size(at) > SURE:
+        return None
+    return Doubt(
+        f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
+        f"have an offset, and the equation has no constant. {_constant(fit, beside())}"
+    )
+
+
+def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
+    """That a constant explains residuals: an offset larger than the motion bends the estimate to line 0."""
+    levels = np.sqrt(np.diag(fit.noise_cov))
+    if np.all(levels < AWAY * fit.high_band_levels):
+        return ""  # before the means, which take longer than all else here
+    moved = [np.concatenate([rec.y, rec.u]) for rec in fit.records or ()]
+    means = np.mean([values.mean(axis=1) for values in moved], axis=0)
+    spread = np.sqrt(np.mean([values.var(axis=1) for values in moved], axis=0))
+    noise = np.fmax(AWAY * fit.high_band_levels, FINEST * spread[: levels.size])
+    if not np.any(np.abs(means) > spread) or np.all(levels < noise):
+        return ""
+    if (other := beside()) is None:
+        return ""
+    left = np.sqrt(np.diag(other.noise_cov))
+    ratio = float(np.prod(levels / left)) ** (1 / levels.size)
+    if ratio < BENT or lower_p(fit, other, ratio) > SURE:
+        return ""
+    names = ", ".join((*fit.outputs, *fit.inputs))
+    return (
+        f"The means of {names} are {numbers(means)}, of motions of {numbers(spread)} (rms), and a constant "
+        f"lowers the residuals from {numbers(levels)} to {numbers(left)}: channels have an offset."
+    )
+
+
+def _better(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
+    """That a constant explains residuals which are far above the noise, whatever the size of the offset."""
+    if not level_p(fit) < SURE or (other := beside()) is None:
+        return ""
+    before, after = bic_beside(fit, fit), bic_beside(other, fit)
+    if not after < before - WORTH:
+        return ""
+    return (
+        f"The model has no constant, and with one BIC falls from {before:.4g} to {after:.4g}: channels have "
+        "an offset."
+    )
+
+
+def _settled(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
+    """That a constant in equations leaves only the noise of residuals far above it, or a quarter of them."""
+    if not level_p(fit) < SURE or (other := beside()) is None:
+        return ""
+    before, after = bic_beside(fit, fit), bic_beside(other, fit)
+    left = [np.sqrt(np.diag(own.noise_cov)) for own in (fit, other)]
+    ratio = float(np.prod(left[0] / left[1])) ** (1 / left[0].size)
+    if not after < before - STRONG or (ratio < BENT and not level_p(other) > ENOUGH):
+        return ""
+    return (
+        f"The equations have no constant, and with one BIC falls from {before:.4g} to {after:.4g} and the "
+        f"residuals from {numbers(left[0])} to {numbers(left[1])}: gravity, trim or an offset is missing."
+    )
+
+
+def _with_constant(fit: Estimates) -> Estimates | None:
+    """The fit with a constant in each equation."""
+    if fit.again is None or fit.records is None:
+        return None
+    options = on_band(fit, fit.band).replace(trend="constant")
+    other = again(fit, fit.records, fit.structure, options)
+    return other if other is not None and other.params.shape == fit.params.shape else None
+
+
+def _constant(fit: Estimates, other: Estimates | None) -> str:
+    """The first cure of an offset: of the channel, where that explains more than a constant."""
+    words = offset_of(fit, math.inf if other is None else bic_beside(other, fit))
+    return (
+        words or f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit, other)}'
+    )
+
+
+def _both_ways(fit: Estimates, other: Estimates | None) -> str:
+    """The parameter that a constant changes most, without and with it."""
+    if other is None or not fit.params.size:
+        return ""
+    name, was, now, _ = furthest(fit, other)
+    return f" {name} is {was} without and {now} with it."
