@@ -22,6 +22,7 @@ from .shifts import Shift, likeliest_shift
 
 __all__ = [
     "CLOSE",
+    "DRIFT",
     "ENOUGH",
     "Cure",
     "Realigned",
@@ -39,6 +40,7 @@ __all__ = [
     "with_drift",
 ]
 
+DRIFT = 'trend="linear"'  # words of that cure
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
 CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
 WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
@@ -244,7 +246,7 @@ def with_drift(fit: Estimates) -> Cure | None:
     other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
     if other is None:
         return None
-    return Cure('trend="linear"', bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
+    return Cure(DRIFT, bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
 
 
 def on_band(fit: Estimates, band: tuple[float, float]) -> Options:

@@ -7,7 +7,18 @@ from math import isnan
 from .._core import sharpest
 from ..base.between import MIXED
 from ..models.noise import Noise
-from .cures import ENOUGH, STRONG, Cure, best_cure, convincing, of_written, with_drift
+from .cures import (
+    DRIFT,
+    ENOUGH,
+    STRONG,
+    Cure,
+    again,
+    best_cure,
+    convincing,
+    of_written,
+    on_band,
+    with_drift,
+)
 from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free, numbers
 from .driven_equations import driven
@@ -292,11 +303,23 @@ def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
     """What is missing in words, and by how much it lowers BIC."""
     ratio = level_ratio(fit)
     level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {_reference(fit)}"
-    text = (
-        f"Part of the response is missing{level}. First try {cure.words}: BIC falls from {cure.before:.4g} "
-        f"to {cure.after:.4g}."
-    )
+    fallen = f"BIC falls from {cure.before:.4g} to {cure.after:.4g}"
+    if cure.words == DRIFT and not cure.level_p > ENOUGH and _drift_leaves_more(fit):
+        text = (
+            f"Part of the response is missing{level}. A drift explains a part of it ({fallen}) and no more: "
+            "an input that is not in the record seems to act, such as a flap, a throttle or another control. "
+            "First look when it does, fit.plot_response(), and add that input to the record."
+        )
+    else:
+        text = f"Part of the response is missing{level}. First try {cure.words}: {fallen}."
     return Doubt(text, convincing(fit, cure)), cure.before - cure.after
+
+
+def _drift_leaves_more(fit: Estimates) -> bool:
+    """Whether residual lines of a fit with a drift are those of no stationary white noise, either."""
+    assert fit.records is not None
+    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
+    return other is not None and _uneven(other, LOOK)
 
 
 def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
