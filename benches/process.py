@@ -32,11 +32,10 @@ ELEVATOR = "0.02*(sign(sin(0.9*t)) + sign(sin(1.7*t + 1)))"
 class Plant:
     """Records of y'' + 3y' + 8y = 5u + w, by the response to w and the sensor's noise over rms of y."""
 
-    def __init__(self, process, sensor, constants, band=None):
-        self.band = band
+    def __init__(self, process, sensor, constants):
         self.duration, self.intervals = {15: (10.0, 256), 150: (100.0, 1280)}[constants]
         self.name = f"y'' + 3y' + 8y = 5u, process {100 * process:.3g} %, sensor {100 * sensor:.3g} %, "
-        self.name += f"{constants} time constants" + up_to(band)
+        self.name += f"{constants} time constants"
         self.dt = self.duration / self.intervals
         chirp = [lambda t: np.sin(t**2 / self.duration * 2)]
         self.clean, self.inputs = simulate(DEN, NUM, chirp, self.dt, self.intervals)
@@ -61,8 +60,8 @@ class Plant:
 class Aircraft:
     """Records of a short period, 50 samples a second, in white noise of both equations or in gusts."""
 
-    def __init__(self, duration, tau=None, band=None):
-        self.duration, self.band = duration, band
+    def __init__(self, duration, tau=None):
+        self.duration = duration
         self.plain, self.truth = SHORT, np.array(list(AIRCRAFT.values()))
         if tau is None:
             self.name = f"short period, white noise in both equations, {duration:g} s"
@@ -75,7 +74,6 @@ class Aircraft:
             self.noise, self.model = mf.ProcessNoise(gust=mf.dryden(tau)), GUSTY
             self.sensors = [0.001, 0.002]
             self.levels = [*self.sensors, 0.01]
-        self.name += up_to(band)
         still = mf.simulate(
             SHORT.model(AIRCRAFT), input=ELEVATOR, duration=duration, intervals=round(50 * duration),
             intersample="zoh", inputs=["de"],
@@ -98,11 +96,6 @@ class Aircraft:
         )  # fmt: skip
 
 
-def up_to(band):
-    """The words of a band that is given."""
-    return "" if band is None else f", `band={band:g}`"
-
-
 def places(fit):
     """Where the parameters stand in the order of the truth."""
     names = AIRCRAFT if len(fit.param_names) == len(AIRCRAFT) else fit.param_names
@@ -114,7 +107,7 @@ def row(case, count):
     errors, plain, inside, inside_plain, levels, lost = [], [], [], [], [], 0
     for seed in range(count):
         rec = case.record(seed)
-        fit = mf.fit(rec, case.model, noise=case.noise, band=case.band)
+        fit = mf.fit(rec, case.model, noise=case.noise)
         order = places(fit)
         lost += fit.status != "ok"
         errors.append(fit.params[order] - case.truth)
@@ -158,7 +151,6 @@ def main():
         *(Plant(process, sensor, n) for n in (15, 150) for process, sensor in LEVELS),
         Plant(0.0, 0.1, 15), Aircraft(15.0), Aircraft(60.0), Aircraft(15.0, 1.0), Aircraft(15.0, 3.0),
         Aircraft(60.0, 1.0),
-        Plant(*LEVELS[1], 150, band=30.0), Aircraft(60.0, band=25.0), Aircraft(60.0, 1.0, band=25.0),
     ]  # fmt: skip
     lines = [
         f"{given.records:,} records per row, {given.records // 3:,} for state spaces.",

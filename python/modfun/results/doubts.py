@@ -149,10 +149,12 @@ def repeated(fit: Estimates) -> Doubt | None:
 def few_samples(fit: Estimates) -> Doubt | None:
     """That the highest lines are sampled too slowly for the quadrature; held inputs need none.
 
-    The default rule goes there only where the residuals stay at their level.
+    The default rule goes there only where residuals stay at their level, or to tell kinds of noise apart.
     """
-    samples = fewest_samples(fit)
-    chosen = fit.band_rule is not None and fit.layout.rational
+    samples, options = fewest_samples(fit), fit.options
+    chosen = (fit.band_rule is not None and fit.layout.rational) or (
+        options.drives and options.band is None and options.harmonics is None
+    )
     if samples >= FEW_SAMPLES or fit.exact_lines or chosen:
         return None
     return Doubt(

@@ -195,6 +195,8 @@ impl FitOptions {
 
     /// Highest lines of the default rule for a window of `intervals`: wide, doubled so many times, and narrow.
     pub(crate) fn default_lines(&self, intervals: usize, doublings: u32) -> (usize, usize) {
+        // Noise of both kinds is told apart where the system no longer answers.
+        let doublings = doublings + u32::from(self.noise == Noise::Process);
         default_lines(self.method, self.unknowns(), self.structure.order, intervals, doublings)
     }
 }

@@ -244,6 +244,8 @@ impl JointFitter {
                 .collect();
             let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
+            // Noise of both kinds is told apart where the system no longer answers.
+            let doublings = doublings + u32::from(o.driven);
             let (wide, narrow) = default_lines(o.method, each, order, window.resolved, doublings);
             let range = window.given(o.band, order)?.unwrap_or((0, wide));
             // The colour of the noise is read from a wide band even where the fit's is narrow.

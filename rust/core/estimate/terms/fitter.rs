@@ -1,7 +1,6 @@
 //! Fits of equations to records, with everything a user sees.
 
 use super::descent::{Ended, usable};
-use super::driven::DrivenTerms;
 use super::iterate::TermsProblem;
 use super::lines::TermsRecordPlan;
 use super::plan::{TermsFitter, TermsRecord};
@@ -14,8 +13,7 @@ use crate::estimate::band::{Band, BandRule, Choice, Range, SAME, fewest_lines};
 use crate::estimate::driven::output::Levels;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
-use crate::estimate::spectral::NoiseSpectrum;
-use crate::structure::{Method, Noise};
+use crate::structure::Method;
 
 /// A noise level is taken to be at least this part of the channel's size.
 const SILENT: f64 = 1e-9;
@@ -95,73 +93,6 @@ impl TermsFitter {
         let ended = self.colour(&mut problem, &chosen.ranges, ended)?;
         let ended = self.again(&mut problem, ended)?;
         let fit = self.finished(&mut problem, &ended, chosen.rule)?;
-        Ok((fit, problem.into_worker()))
-    }
-
-    /// The same with the levels of noise inside the equations, from what few lines say without.
-    fn finish_driven(
-        &self,
-        records: &[TermsRecord<'_>],
-        sigmas: Vec<Sigma>,
-        chosen: &Choice,
-        worker: Worker,
-        noise: Noise,
-    ) -> Result<(TermsFit, Worker), Error> {
-        let narrow: Vec<Range> = self
-            .narrow
-            .iter()
-            .zip(&chosen.ranges)
-            .map(|(few, own)| (own.0, few.1.min(own.1)))
-            .collect();
-        let few = self.problem(records, sigmas.clone(), &narrow, Worker::default());
-        let few = few.and_then(|mut few| self.estimate(&mut few, None)).ok();
-        let mut problem = self.problem(records, sigmas, &chosen.ranges, worker)?;
-        let wide = self.estimate(&mut problem, chosen.theta.as_deref())?;
-        let starts: Vec<Ended> = [Some(wide), few].into_iter().flatten().filter(usable).collect();
-        let mut best: Option<DrivenTerms> = None;
-        for start in &starts {
-            let found = self.refine(&mut problem, start, noise)?;
-            // Noise may be told apart in more than one way.
-            if best.as_ref().is_none_or(|best| found.is_better(best)) {
-                best = Some(found);
-            }
-        }
-        let Some(found) = best else {
-            let lost = self.estimate(&mut problem, None)?;
-            let fit = self.finished(&mut problem, &lost, chosen.rule)?;
-            return Ok((fit, problem.into_worker()));
-        };
-        let q = self.o.equations.orders.len();
-        let sigma: Vec<f64> = found.levels.values[..q].iter().map(|v| v.sqrt()).collect();
-        let levels = vec![sigma; records.len()];
-        let lost = matches!(found.ended.status, Status::Rank | Status::NonFinite);
-        let known = |own: Vec<f64>| if lost { vec![f64::NAN; own.len()] } else { own };
-        let fit = TermsFit {
-            answer: Answer {
-                theta: found.ended.theta,
-                cov_spectral: known(found.nonrobust.clone()),
-                cov_nonrobust: known(found.nonrobust),
-                cov_hc3: known(found.hc3),
-                degrees: known(found.degrees.clone()),
-                noise_spectrum: NoiseSpectrum::default(),
-                gram: known(found.gram),
-                cost: found.ended.cost,
-                degrees_of_freedom: found.freedom,
-                status: found.ended.status,
-                nit: found.ended.nit,
-                lines: problem.spots.iter().map(|s| s.lines).collect(),
-                band_rule: chosen.rule,
-            },
-            scale: 1.0,
-            seen: levels.clone(),
-            correlation: problem.sigmas.iter().map(Sigma::correlation).collect(),
-            levels,
-            hc3_degrees: known(found.degrees),
-            at_bound: found.ended.at_bound,
-            bend: 0.0,
-            residuals: found.residuals,
-            driven: Some(found.levels),
-        };
         Ok((fit, problem.into_worker()))
     }
 
@@ -388,7 +319,8 @@ impl TermsFitter {
         };
         if self.driven().is_some() {
             // The levels of both kinds of noise need all lines.
-            return Ok(Choice { ranges: wide, rule: None, theta: Some(best.theta) });
+            let ranges = wide.iter().zip(&self.records).map(|(own, plan)| (own.0, plan.highest));
+            return Ok(Choice { ranges: ranges.collect(), rule: None, theta: Some(best.theta) });
         }
         let (weights, factors) = self.weights();
         all.cost(&best.theta, weights)?;
@@ -424,7 +356,7 @@ impl TermsFitter {
         Ok(ranges)
     }
 
-    fn finished(
+    pub(super) fn finished(
         &self,
         problem: &mut TermsProblem<'_>,
         ended: &Ended,

@@ -15,6 +15,7 @@ mod colour;
 mod complex;
 mod descent;
 mod driven;
+mod driven_fit;
 mod eight;
 mod equations;
 mod fitter;

@@ -17,7 +17,10 @@ use crate::simd::Isa;
 use crate::structure::{Method, Noise, Trend};
 
 /// Most lines of the wide band: beyond, dense factors cost more than they tell.
-const WIDEST: usize = 128;
+pub(super) const WIDEST: usize = 128;
+
+/// The same of noise inside the equations, whose lines are independent.
+const WIDEST_DRIVEN: usize = 1024;
 
 /// Everything that says how records are fitted.
 #[derive(Debug, Clone)]
@@ -118,7 +121,15 @@ impl TermsFitter {
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
             let own = uneven.get(k).cloned().unwrap_or_default();
             // The colour of the noise is read from a wide band even where the fit's is narrow.
-            let highest = if o.coloured { range.1.max(wide.min(WIDEST)) } else { range.1 };
+            let highest = match (o.coloured, o.noise == Noise::Process && o.band == Band::Default) {
+                (true, _) => range.1.max(wide.min(WIDEST)),
+                // Noise of both kinds is told apart where the system no longer answers.
+                (_, true) => {
+                    let (wider, _) = default_lines(o.method, unknowns, order, window.resolved, 1);
+                    range.1.max(wider.min(WIDEST_DRIVEN))
+                }
+                _ => range.1,
+            };
             records.push(TermsRecordPlan::new(e, k, (*samples, *time), o.rule, highest, own)?);
             given.push(range);
             narrow.push((range.0, few.min(range.1)));
