@@ -203,7 +203,7 @@ def _band(fit: Estimates) -> str:
     if any([rec.functions for rec in fit.records or ()]):
         return f"{text}: four fifths of all lines, as inputs are known at all times"
     if fit.options.method in ("ml", "awls"):
-        samples = "four samples a period, to tell noise of both kinds apart"
+        samples = "16/3 samples a period, to tell noise of both kinds apart"
         return f"{text}: down to {samples if fit.options.drives else 'eight samples a period'}"
     return f"{text}: M = 3 times the number of unknowns"
 

@@ -95,6 +95,12 @@ pub(crate) fn default_lines(
     }
 }
 
+/// Highest line for noise of both kinds instead of the wide one. They are told apart where the system no longer answers, up
+/// to 16/3 samples a period; beyond, errors of the quadrature pass for noise of the samples.
+pub(crate) fn lines_of_both_noises(wide: usize, intervals: usize) -> usize {
+    (wide + wide / 2).min((intervals - 1) / 2)
+}
+
 /// The fewest lines that keep all `variances` (at equal σ; none where lines are too few) within the tolerance
 /// of those of the wide band; a variance of zero is that of a parameter on its bound. Variances fall as lines
 /// join, so halving finds them. `omega0`: line spacing of each record.

@@ -2,7 +2,7 @@
 
 use super::aliasing::output_rule;
 use super::answer::Answer;
-use super::band::{Band, default_lines};
+use super::band::{Band, default_lines, lines_of_both_noises};
 use super::driven::output::Levels;
 use super::each_record::EachRecord;
 use super::options::Options;
@@ -195,8 +195,11 @@ impl FitOptions {
 
     /// Highest lines of the default rule for a window of `intervals`: wide, doubled so many times, and narrow.
     pub(crate) fn default_lines(&self, intervals: usize, doublings: u32) -> (usize, usize) {
-        // Noise of both kinds is told apart where the system no longer answers.
-        let doublings = doublings + u32::from(self.noise == Noise::Process);
-        default_lines(self.method, self.unknowns(), self.structure.order, intervals, doublings)
+        let (unknowns, order) = (self.unknowns(), self.structure.order);
+        let (wide, few) = default_lines(self.method, unknowns, order, intervals, doublings);
+        match self.noise {
+            Noise::Process => (lines_of_both_noises(wide, intervals), few),
+            _ => (wide, few),
+        }
     }
 }

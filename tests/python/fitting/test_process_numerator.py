@@ -80,12 +80,12 @@ def test_a_denominator_that_is_known_and_a_numerator_of_degree_two() -> None:
     omega = np.linspace(0, 20, 50)
     gain = np.abs(c[0] + 1j * omega * c[1] - omega**2 * c[2]) ** 2
     np.testing.assert_allclose(gain, values[0] + values[1] * omega**2 + values[2] * omega**4, rtol=1e-9)
-    over = mf.fit(rec, MODEL, noise=mf.ProcessNoise(w=mf.Numerator(1, den=(1.0, 50.0))))
-    # A pole beyond the band changes nothing but the unit.
-    np.testing.assert_allclose(over.params, one_of(rec).params, rtol=0.02)
-    assert over.process_noise()["level"][1] / 50 == pytest.approx(
-        one_of(rec).process_noise()["level"][1], rel=0.1
-    )
+    over = mf.fit(rec, MODEL, noise=mf.ProcessNoise(w=mf.Numerator(1, den=(1.0, 200.0))))
+    # A pole far beyond the band changes little but the unit; the filter has a transient of its own.
+    one = one_of(rec)
+    np.testing.assert_allclose(over.params, one.params, rtol=0.02)
+    level, error = (one.process_noise()[what][1] for what in ("level", "se"))
+    assert over.process_noise()["level"][1] / 200 == pytest.approx(level, abs=0.5 * error)
 
 
 def one_of(rec: mf.Record) -> mf.Fit:

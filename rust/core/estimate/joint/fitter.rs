@@ -12,7 +12,7 @@ use crate::error::Error;
 use crate::estimate::Options;
 use crate::estimate::aliasing::{Aliasing, output_rule};
 use crate::estimate::at_once::SAMPLES;
-use crate::estimate::band::{Band, BandRule, Range, default_lines};
+use crate::estimate::band::{Band, BandRule, Range, default_lines, lines_of_both_noises};
 use crate::estimate::each_record::EachRecord;
 use crate::estimate::fit::Time;
 use crate::estimate::fitter::binary_unit;
@@ -244,9 +244,11 @@ impl JointFitter {
                 .collect();
             let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
-            // Noise of both kinds is told apart where the system no longer answers.
-            let doublings = doublings + u32::from(o.driven);
-            let (wide, narrow) = default_lines(o.method, each, order, window.resolved, doublings);
+            let (mut wide, narrow) =
+                default_lines(o.method, each, order, window.resolved, doublings);
+            if o.driven {
+                wide = lines_of_both_noises(wide, window.resolved);
+            }
             let range = window.given(o.band, order)?.unwrap_or((0, wide));
             // The colour of the noise is read from a wide band even where the fit's is narrow.
             let highest = match o.noise.colour {

@@ -5,7 +5,7 @@ use super::lines::{Pairs, TermsRecordPlan};
 use super::rows::Worker;
 
 use crate::error::Error;
-use crate::estimate::band::{Band, Range, default_lines};
+use crate::estimate::band::{Band, Range, default_lines, lines_of_both_noises};
 use crate::estimate::fit::Time;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::options::Options;
@@ -123,10 +123,8 @@ impl TermsFitter {
             // The colour of the noise is read from a wide band even where the fit's is narrow.
             let highest = match (o.coloured, o.noise == Noise::Process && o.band == Band::Default) {
                 (true, _) => range.1.max(wide.min(WIDEST)),
-                // Noise of both kinds is told apart where the system no longer answers.
                 (_, true) => {
-                    let (wider, _) = default_lines(o.method, unknowns, order, window.resolved, 1);
-                    range.1.max(wider.min(WIDEST_DRIVEN))
+                    range.1.max(lines_of_both_noises(wide, window.resolved).min(WIDEST_DRIVEN))
                 }
                 _ => range.1,
             };
