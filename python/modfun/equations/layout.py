@@ -72,6 +72,17 @@ class EquationLayout:
         return True
 
     @property
+    def constants(self) -> list[str]:
+        """Parameters of which nothing but constants depends and nothing is known: line 0 alone tells them."""
+        words = self.formulas.words
+        operations, results = words["formulas"]
+        still = [operations[at][0] == "constant" for at in results[: len(words["signals"])]]
+        told = {p for term, p in words["slopes"] if not still[words["terms"][term][1]]}
+        told |= {p for _, _, p in words["signals"]} | {p for _, p, _ in words["signal_slopes"]}
+        told |= {p for p, _, _ in words["priors"]}
+        return [name for p, name in enumerate(self.param_names) if p not in told]
+
+    @property
     def longest_delay(self) -> float:
         """The most that a signal may be late, s."""
         bounds = self.formulas.words["bounds"]

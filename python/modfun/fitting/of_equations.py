@@ -152,6 +152,7 @@ def fit_equation(
     records = tuple([structure.own_channels(with_inputs(rec, options.noise)) for rec in records])
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))
+    _refuse_constants(layout, records, options)
     sought = partial(_sought, records, structure, options, layout, again, levels, starts)
     within = sensible(layout, records)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
@@ -293,6 +294,18 @@ def _all_noisy(layout: EquationLayout, variance: F64 | None) -> F64 | None:
         return None
     more = len(layout.formulas.noisy) - len(variance)
     return np.ascontiguousarray(np.vstack([variance, np.ones((more, variance.shape[1]))]))
+
+
+def _refuse_constants(layout: EquationLayout, records: Sequence[Record], options: Options) -> None:
+    """Refuse parameters that stand alone where no record's band holds line 0."""
+    low = 0.0 if options.band is None else options.band[0]
+    if low * max([rec.duration for rec in records]) > 1e-9 and layout.constants:
+        name = layout.constants[0]
+        raise SpecError(
+            f"fit: {name} stands alone in an equation, so that the mean of the record (line 0) alone tells it, "
+            f"and band= begins at {low:.4g} rad/s; begin it at 0, or take {name} out of the equation and give "
+            'trend="constant"'
+        )
 
 
 def _refuse_not_finite(layout: EquationLayout, rows: Sequence[F64]) -> None:
