@@ -302,9 +302,9 @@ def _refuse_constants(layout: EquationLayout, records: Sequence[Record], options
     if low * max([rec.duration for rec in records]) > 1e-9 and layout.constants:
         name = layout.constants[0]
         raise SpecError(
-            f"fit: {name} stands alone in an equation, so that the mean of the record (line 0) alone tells it, "
-            f"and band= begins at {low:.4g} rad/s; begin it at 0, or take {name} out of the equation and give "
-            'trend="constant"'
+            f"fit: {name} stands alone in an equation, so that the mean of the record (line 0) alone tells "
+            f"it, and band= begins at {low:.4g} rad/s; begin it at 0, or take {name} out of the equation and "
+            'give trend="constant"'
         )
 
 
