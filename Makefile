@@ -80,7 +80,7 @@ validate: .venv/dev
 
 ## What fits of wrong and right set-ups warn of, into docs/trial.md: two minutes. ONLY= for some, without the page.
 trial: .venv/dev
-	$(BIN)/python benches/trial.py $(if $(ONLY),--only "$(ONLY)")
+	$(BIN)/python benches/trial/trial.py $(if $(ONLY),--only "$(ONLY)")
 
 ## Memory of a study of 10^8 replicates into docs/faults.md: minutes; REPLICATES= for another number.
 soak: .venv/dev
