@@ -14,6 +14,7 @@ from ..equations.equation import Equation
 from ..equations.matrices import state_of
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
+from ..models.options import Options
 from ..models.process import ProcessNoise, dryden
 from .cures import Cure, again, on_band
 from .estimates import Estimates
@@ -27,6 +28,7 @@ POLES = 1 - np.logspace(-3, 0.1, 40)  # of noise of first order, a sample
 WHITE = np.append(0.0, np.logspace(-5, 0, 30))  # white noise beside it, of the mean power
 BINS, FEWEST = 12, 8  # of frequencies, and of lines in each
 ROUNDS = 3  # of weights
+LINES = 128  # at most: covariances of fits without noise in their equations grow with their square
 SURELY = 40.0  # of BIC: of 84 sets of records with coloured sensors none came to 29
 
 
@@ -46,16 +48,17 @@ def driven(fit: Estimates) -> Cure | None:
 def _driven(fit: Estimates) -> Cure | None:
     if fit.layout.rational or fit.options.noise != "output" or fit.again is None or not fit.records:
         return None
-    wide = _with(fit, fit.structure, "process")
+    options = on_band(fit, (fit.band[0], max(fit.band[1], _highest(fit))))
+    wide = _with(fit, fit.structure, options.replace(noise="process", method="ml"))
     if wide is None:
         return None
-    options = on_band(fit, wide.band)
     plain = again(fit, fit.records, fit.structure, options)
     if plain is None or not isfinite(sensors := _of_sensors(plain, plain)):
         return None
     told, after = 'noise="process"', _bic(wide)
     for words, structure in _gusts(fit):
-        other = _with(fit, structure, ProcessNoise(**{GUST: dryden(1.0)}))
+        gust = ProcessNoise(**{GUST: dryden(1.0)})
+        other = _with(fit, structure, options.replace(noise=gust, method="ml"))
         if other is not None and other.band == wide.band and _bic(other) < after:
             told, after = words, _bic(other)
     margin = SURELY if len(fit.outputs) > 1 else APART
@@ -67,9 +70,15 @@ def _driven(fit: Estimates) -> Cure | None:
     return Cure(told, plain.bic, after, np.nan)
 
 
-def _with(fit: Estimates, structure: Any, noise: Any) -> Estimates | None:
+def _highest(fit: Estimates) -> float:
+    """Frequency up to which spectra are compared, rad/s: eight samples a period, or as many as are cheap."""
+    least = min(2 * np.pi / ((rec.dt or inf) * 8) for rec in fit.records or ())
+    return float(min(least, LINES * min(fit.omega0)))
+
+
+def _with(fit: Estimates, structure: Any, options: Options) -> Estimates | None:
     """A fit with noise in its equations; None where it has no answer."""
-    found = again(fit, fit.records, structure, fit.options.replace(noise=noise, method="ml"))
+    found = again(fit, fit.records, structure, options)
     return found if found is not None and found.success and found.process_levels is not None else None
 
 
