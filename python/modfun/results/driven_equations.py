@@ -18,7 +18,7 @@ from ..models.options import Options
 from ..models.process import ProcessNoise, dryden
 from .cures import Cure, again, on_band
 from .estimates import Estimates
-from .origin import APART
+from .origin import APART, wide_band
 from .shifts import output_lines
 
 __all__ = ["driven"]
@@ -28,7 +28,6 @@ POLES = 1 - np.logspace(-3, 0.1, 40)  # of noise of first order, a sample
 WHITE = np.append(0.0, np.logspace(-5, 0, 30))  # white noise beside it, of the mean power
 BINS, FEWEST = 12, 8  # of frequencies, and of lines in each
 ROUNDS = 3  # of weights
-LINES = 128  # at most: covariances of fits without noise in their equations grow with their square
 SURELY = 40.0  # of BIC: of 84 sets of records with coloured sensors none came to 29
 
 
@@ -48,7 +47,7 @@ def driven(fit: Estimates) -> Cure | None:
 def _driven(fit: Estimates) -> Cure | None:
     if fit.layout.rational or fit.options.noise != "output" or fit.again is None or not fit.records:
         return None
-    options = on_band(fit, (fit.band[0], max(fit.band[1], _highest(fit))))
+    options = on_band(fit, wide_band(fit))
     wide = _with(fit, fit.structure, options.replace(noise="process", method="ml"))
     if wide is None:
         return None
@@ -68,12 +67,6 @@ def _driven(fit: Estimates) -> Cure | None:
     if followed is not None and not after < _of_sensors(followed, plain) - margin:
         return None
     return Cure(told, plain.bic, after, np.nan)
-
-
-def _highest(fit: Estimates) -> float:
-    """Frequency up to which spectra are compared, rad/s: eight samples a period, or as many as are cheap."""
-    least = min(2 * np.pi / ((rec.dt or inf) * 8) for rec in fit.records or ())
-    return float(min(least, LINES * min(fit.omega0)))
 
 
 def _with(fit: Estimates, structure: Any, options: Options) -> Estimates | None:

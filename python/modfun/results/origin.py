@@ -10,10 +10,11 @@ from ..models.transfer_function import TransferFunction
 from .cures import WORTH, again, on_band
 from .estimates import Estimates
 
-__all__ = ["APART", "gain_of_colour", "gain_of_process", "hum", "origin"]
+__all__ = ["APART", "gain_of_colour", "gain_of_process", "hum", "origin", "wide_band"]
 
 RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
 APART = 14.0
+LINES = 128  # of equations, at most: their covariances grow with the square
 LEAST_GAIN = 1.2  # of a standard error
 HUM, HUM_LINES = 0.7, 16  # part of the residuals' power in two lines beside each other, of so many at least
 POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a sample
@@ -98,13 +99,20 @@ def gain_of_colour(fit: Estimates) -> float | None:
     return gain if gain >= LEAST_GAIN else None
 
 
+def wide_band(fit: Estimates) -> tuple[float, float]:
+    """The band of a fit up to eight samples a period, or as many lines as are cheap."""
+    least = min(2 * np.pi / ((rec.dt or np.inf) * 8) for rec in fit.records or ())
+    return fit.band[0], max(fit.band[1], float(min(least, LINES * min(fit.omega0))))
+
+
 def gain_of_process(fit: Estimates) -> tuple[float, float] | None:
     """BIC of equations over a wide band without and with noise in each; None where that does not pay."""
     if fit.layout.rational or fit.options.noise != "output" or fit.again is None or fit.records is None:
         return None
     try:
-        driven = fit.again(fit.records, fit.structure, fit.options.replace(noise="process", method="ml"))
-        plain = fit.again(fit.records, fit.structure, on_band(fit, driven.band))
+        options = on_band(fit, wide_band(fit))
+        driven = fit.again(fit.records, fit.structure, options.replace(noise="process", method="ml"))
+        plain = fit.again(fit.records, fit.structure, options)
     except ModfunError:  # equations that are not linear, say
         return None
     if not (driven.usable and plain.usable and driven.process_levels is not None):
