@@ -2,10 +2,14 @@
 //! five estimators. It shares no code with the core beyond the types of its calls.
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::disallowed_methods)]
 
+#[path = "oracle/batch.rs"]
+mod batch;
 #[path = "oracle/delays.rs"]
 mod delays;
 #[path = "oracle/dense.rs"]
 mod dense;
+#[path = "oracle/driven.rs"]
+mod driven;
 #[path = "common/duffing.rs"]
 mod duffing;
 #[path = "oracle/fast.rs"]

@@ -14,7 +14,12 @@ use modfun::structure::{Method, Noise, Structure, Trend};
 pub const OPTIONS: Options = Options { tol: 1e-9, maxiter: 100, wanted: Wanted::Covariance };
 const TRENDS: [Trend; 3] = [Trend::None, Trend::Constant, Trend::Linear];
 
-fn options(order: usize, numerators: Vec<Option<usize>>, method: Method, band: Band) -> FitOptions {
+pub fn options(
+    order: usize,
+    numerators: Vec<Option<usize>>,
+    method: Method,
+    band: Band,
+) -> FitOptions {
     let inputs = numerators.len();
     FitOptions {
         structure: Structure::new(order, numerators).unwrap(),
@@ -72,7 +77,7 @@ pub fn record(order: usize, inputs: usize, count: usize, sigma: f64, replicate: 
     }
 }
 
-fn fit(o: &FitOptions, records: &[Record]) -> Fit {
+pub fn fit(o: &FitOptions, records: &[Record]) -> Fit {
     let sampling: Vec<(usize, Time<'_>)> =
         records.iter().map(|r| (r.y[0].len(), Time::Even(r.dt))).collect();
     let views: Vec<RecordView<'_>> = records

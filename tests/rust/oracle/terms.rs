@@ -16,7 +16,7 @@ use modfun::spectrum::Kind;
 use modfun::structure::{Method, Noise, Trend};
 use modfun::tape::{Tape, Written};
 
-fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> TermsOptions {
+pub fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> TermsOptions {
     TermsOptions {
         equations,
         rule: Rule::Trapezoid,
@@ -34,7 +34,7 @@ fn options(equations: Equations, method: Method, last: Band, levels: &[f64]) -> 
     }
 }
 
-fn fit(o: &TermsOptions, dt: f64, records: &[Vec<&[f64]>]) -> TermsFit {
+pub fn fit(o: &TermsOptions, dt: f64, records: &[Vec<&[f64]>]) -> TermsFit {
     let sampling: Vec<_> = records.iter().map(|r| (r[0].len(), Time::Even(dt))).collect();
     let records: Vec<_> = records.iter().map(|r| TermsRecord { channels: r.clone() }).collect();
     TermsFitter::new(o.clone(), &sampling, &[], Isa::detect().unwrap())
@@ -249,7 +249,7 @@ fn two_equations_of_noisy_states_are_what_every_samples_noise_says() {
 }
 
 /// y'' + ay' + by − cu' − du = 0 of one noisy channel.
-fn linear(kind: Kind) -> Equations {
+pub fn linear(kind: Kind) -> Equations {
     let terms = [
         (0, 0, 2, Err(1.0)),
         (0, 0, 1, Ok(0)),
