@@ -133,3 +133,14 @@ pub(crate) fn fewest_lines(
     }
     if high == top { wide.to_vec() } else { up_to(high) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_choice_meets_its_end_from_nine_tenths_on() {
+        let of = |chosen| BandRule { wide: 40, narrow: 10, costs: [1.0, 1.0], chosen };
+        assert_eq!([35, 36, 40].map(|chosen| of(chosen).meets_end()), [false, true, true]);
+    }
+}

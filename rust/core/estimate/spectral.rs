@@ -382,6 +382,37 @@ mod tests {
     use crate::modulation::Lines;
     use crate::simd::LANES;
 
+    /// A matrix of the sums of degrees of freedom times a vector, solved for: the vector.
+    struct Solved([f64; TERMS]);
+
+    impl Kernel for Solved {
+        type Output = [f64; TERMS];
+        fn run<L: Lanes>(self) -> [f64; TERMS] {
+            let low = [9.0, 1.0, -0.5, 0.3, 0.2, -0.1];
+            let high: [f64; PRODUCTS - TERMS] = std::array::from_fn(|k| 0.4 - 0.1 * k as f64);
+            let entry = |i: usize, j: usize| {
+                let sum = if i + j < TERMS { low[i + j] } else { high[i + j - TERMS] };
+                0.5 * LN_2 * (sum + low[i.abs_diff(j)]) + if i == j { PRIOR[i] } else { 0.0 }
+            };
+            let product: [f64; TERMS] =
+                std::array::from_fn(|i| (0..TERMS).map(|j| entry(i, j) * self.0[j]).sum());
+            let factor = factored::<L>(&low.map(L::splat), &high.map(L::splat));
+            solved(&factor, product.map(L::splat)).map(|x| {
+                let mut out = Wide::ZERO;
+                x.store(&mut out);
+                out.0[0]
+            })
+        }
+    }
+
+    #[test]
+    fn factors_solve_their_equations() {
+        let want = [1.0, -2.0, 0.5, 3.0, -1.5, 0.25];
+        for (found, want) in Isa::Plain.run(Solved(want)).iter().zip(want) {
+            assert!((found - want).abs() < 1e-12, "{found} {want}");
+        }
+    }
+
     fn lines(first: usize, last: usize, omega0: f64) -> Lines {
         Lines { first, last, omega0, unit_variance: 0.01 }
     }

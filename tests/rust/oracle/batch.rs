@@ -68,6 +68,8 @@ fn records_of_a_batch_are_fitted_as_alone() {
         let records: Vec<Record> = (0..9).map(|k| two(true, 0.05, 0.5, 257, k)).collect();
         let o = options(structure(true), method, Band::Edges(0.0, 12.0));
         check(&o, &records, 1e-5, &format!("{method:?}, two outputs"));
+        let unknown = JointOptions { noise: NoiseModel::output(), ..o };
+        check(&unknown, &records, 1e-3, &format!("{method:?}, unknown covariance"));
     }
 }
 
@@ -77,4 +79,9 @@ fn ill_conditioned_records_of_a_batch_are_solved_by_orthogonal_factors() {
         let records: Vec<Record> = (0..3).map(|k| fast::record(6, 1, 513, 1e-4, k)).collect();
         check(&one(6, method, 25.0), &records, 1e-3, &format!("{method:?}"));
     }
+    // Two poles and zeros too many: columns are told apart by the noise alone.
+    let records: Vec<Record> = (0..3).map(|k| fast::record(2, 1, 513, 1e-5, k)).collect();
+    let noise = NoiseModel { equation: true, ..NoiseModel::output() };
+    let o = JointOptions { noise, ..one(4, Method::Wls, 12.0) };
+    check(&o, &records, 1e-3, "poles and zeros too many");
 }

@@ -10,7 +10,7 @@ use modfun::Status;
 use modfun::estimate::joint::{
     Delay, JointFit, JointFitter, JointOptions, JointRecord, JointStructure, NoiseModel, Path,
 };
-use modfun::estimate::{Band, FitOptions, Fitter, Initial, RecordView, Time};
+use modfun::estimate::{Band, FitOptions, Fitter, Initial, Prior, RecordView, Time};
 use modfun::quadrature::{Hold, Rule};
 use modfun::simd::Isa;
 use modfun::structure::{Method, Noise, Structure, Trend};
@@ -469,5 +469,43 @@ fn the_default_band_is_that_of_the_fast_path() {
         let (a, b) = (joint.band_rule.unwrap(), plain.band_rule.unwrap());
         assert_eq!((a.wide, a.narrow, a.chosen), (b.wide, b.narrow, b.chosen));
         assert!(a.chosen < a.wide, "a test of a rule that never narrows");
+        // Joint costs have a unit of their own, a power of two.
+        for (a, b) in a.costs.iter().zip(b.costs) {
+            let unit = (a / b).log2();
+            assert!((unit - unit.round()).abs() < 1e-6, "{method:?}: costs {a} and {b}");
+        }
+    }
+}
+
+/// What the record says beside it is a millionth of its information.
+#[test]
+fn a_prior_that_is_surer_than_the_record_is_the_variance() {
+    for method in [Method::Awls, Method::Ml] {
+        let records = [two(true, 0.05, 0.5, COUNT, 4)];
+        let o = options(structure(true), method, Band::Edges(0.0, 12.0));
+        let plain = fit(&o, &records).answer;
+        let (at, p) = (1, plain.theta.len());
+        let sd = 1e-3 * plain.cov_nonrobust[at * (p + 1)].sqrt();
+        let mean = plain.theta[at] + 0.5 * sd;
+        let o = JointOptions { priors: vec![Prior { parameter: at, mean, sd }], ..o };
+        let found = fit(&o, &records).answer;
+        assert!((found.theta[at] - mean).abs() < 1e-2 * sd, "{method:?}: {}", found.theta[at]);
+        for cov in [&found.cov_nonrobust, &found.cov_hc3, &found.cov_spectral] {
+            let ratio = cov[at * (p + 1)].sqrt() / sd;
+            assert!((ratio - 1.0).abs() < 1e-3, "{method:?}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn inputs_that_are_alike_cannot_be_told_apart() {
+    for method in [Method::Awls, Method::Ml] {
+        let mut record = two(true, 0.05, 0.5, COUNT, 4);
+        record.u[1] = record.u[0].clone();
+        let s = JointStructure { numerators: vec![vec![Some(0); 2]; 2], ..structure(true) };
+        let o = options(s, method, Band::Edges(0.0, 12.0));
+        let found = fit(&o, &[record]).answer;
+        assert_eq!(found.status, Status::Rank, "{method:?}");
+        assert!(found.cov_nonrobust.iter().all(|v| v.is_nan()), "{method:?}");
     }
 }

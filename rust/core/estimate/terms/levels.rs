@@ -293,3 +293,15 @@ fn transpose(m: &mut [f64], q: usize) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_channel_of_which_rows_tell_gets_its_share_of_squares_over_rows() {
+        let shares = Shares { squares: vec![8.0, 0.5, 0.5, 3.0], rows: vec![4.0, 0.1, 0.1, 0.5] };
+        let ratios = shares.ratios(&Sigma::independent(vec![1.0, 2.0]), false);
+        assert_eq!(ratios, [2.0, 0.0, 0.0, 1.0]);
+    }
+}

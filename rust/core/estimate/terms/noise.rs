@@ -345,6 +345,27 @@ mod tests {
     use super::*;
 
     #[test]
+    fn correlations_of_uneven_samples_are_the_plain_sums() {
+        let times: Vec<f64> = (0..=12).map(|k| f64::from(k * k)).collect();
+        let product: Vec<f64> = (0..=12).map(|k| 1.0 + 0.3 * f64::from(k)).collect();
+        let plan = NoisePlan::new(Time::Uneven(&times), 12, Rule::Trapezoid, 4).unwrap();
+        let (mut out, mut room) = (Split::zeros(0), Room::default());
+        plan.correlate(Isa::Plain, &mut product.clone(), &mut room, &mut out).unwrap();
+        let weights = Rule::Trapezoid.uneven_weights(&times).unwrap();
+        for (k, (re, im)) in out.re.iter().zip(&out.im).take(13).enumerate() {
+            let lag = k as f64 - 4.0;
+            let (mut cosines, mut sines) = (0.0, 0.0);
+            for ((t, w), p) in times.iter().zip(&weights).zip(&product) {
+                let (sin, cos) = sin_cos_turns_1(lag * t / 144.0);
+                cosines += p * (w / 144.0) * (w / 144.0) * cos;
+                sines -= p * (w / 144.0) * (w / 144.0) * sin;
+            }
+            assert!((re - cosines).abs() < 1e-15, "{lag}: {re} {cosines}");
+            assert!((im - sines).abs() < 1e-15, "{lag}: {im} {sines}");
+        }
+    }
+
+    #[test]
     fn waves_are_the_plain_sums_at_every_sample() {
         let value = |k: usize| ((k * 2_654_435_761) % 1009) as f64 / 1009.0 - 0.5;
         let uneven: Vec<f64> = (0..=12).map(|k| f64::from(k * k)).collect();
