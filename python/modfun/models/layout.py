@@ -147,11 +147,14 @@ class Layout:
         return [[1.0, *values[at : at + order]] for at, order in places]
 
     def delays(self, params: F64, output: int = 0) -> tuple[float, ...]:
-        """Delay of each input on its way to an output, s."""
+        """Delay of each input on its way to an output, s; free ones kept in their range."""
         found = dict(zip(self.free_delays, params[len(self.free) :].tolist(), strict=True))
+        given = ((k, self.paths[k].delay) for k in self.routes[output])
         return tuple(
-            found[k] if isinstance(self.paths[k].delay, Free) else float(self.paths[k].delay)  # type: ignore[arg-type]
-            for k in self.routes[output]
+            [
+                min(max(found[k], own.min, 0.0), own.max) if isinstance(own, Free) else float(own)
+                for k, own in given
+            ]
         )
 
     @property

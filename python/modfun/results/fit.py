@@ -294,8 +294,8 @@ class Fit(Drawn):
 
         It minimises the same criterion among models whose poles lie left of −0.01/T rad/s, T the duration of
         the longest record; `stability_cost` says by how much that raises −2 log likelihood. A pole at the
-        margin is shown in `damp()`. Covariances are those of the free estimate, given that such poles stay
-        there. A stable fit is returned as it is.
+        margin is shown in `damp()`. Covariances are those of the free estimate. A stable fit is returned
+        unchanged.
 
         Returns
         -------

@@ -15,13 +15,13 @@ from ..models.transfer_function import TransferFunction
 from ..systems.polynomials import roots as roots_of
 from .cures import on_band
 from .derived import stable
-from .estimates import COVARIANCES, Estimates
+from .estimates import Estimates
 from .priors import distance
 
 __all__ = ["MARGIN", "deviance", "refuse_stable", "stable_neighbour"]
 
 MARGIN = 0.01  # poles lie left of −MARGIN/T, T the longest record
-ACTIVE = 1e-6  # coefficients of a section below this part of its size stand at the margin
+ACTIVE = 1e-6  # poles nearer to the margin than this part of the band stand there
 DAMPING = 0.05  # of poles that a search starts from, where mirrored ones would stand at the axis
 PRECISION = 1e-10  # relative fall of the criterion that ends the search
 
@@ -184,45 +184,28 @@ class _Search:
     def finished(self, x: F64) -> Any:
         """The fit of the structure itself at these denominators.
 
-        Its covariances are those of the free fit, given that the poles at the margin stay there.
+        Its covariances are those of the free fit: with the poles held at the margin nothing would be left of
+        some, and intervals would hold the truth in half of the records.
         """
         found, fit = self.held(x), self.fit
         values = dict(zip(found.param_names, found.params, strict=True))
         for names, den in zip(self.names, self.denominators(x), strict=True):
             values |= dict(zip(names, den[1:], strict=True))
         params = np.array([values[name] for name in fit.param_names])
-        slopes = self._at_margin(params)
-        free = {name: getattr(fit, name) for name in COVARIANCES}
         return replace(
             fit,
             params=params,
-            **{name: _given(cov, slopes) for name, cov in free.items()},
             cost=found.cost,
             noise_cov=found.noise_cov,
             pieces=found.pieces,
-            df_resid=fit.df_resid + len(slopes),
+            df_resid=fit.df_resid + self._at_margin(params),
             nit=fit.nit + found.nit,
             options=fit.options.replace(stable=True),
             stability_cost=self._above(found),
         )
 
-    def _at_margin(self, params: F64) -> F64:
-        """Slopes to the parameters of the real parts of poles at the margin, a row for each pole or pair."""
-        rows = []
+    def _at_margin(self, params: F64) -> int:
+        """How many poles and pairs stand at the margin."""
         near = self.margin * (1 + ACTIVE) + ACTIVE * self.unit
-        for _, i in self.fit.denominators():
-            moved = replace(self.fit, params=params)
-            for pole, slope in zip(*moved.pole_gradients(i), strict=True):
-                if pole.real > -near and pole.imag >= 0:
-                    rows.append(slope.real)
-        return np.array(rows).reshape(-1, params.size)
-
-
-def _given(cov: F64, slopes: F64) -> F64:
-    """Covariance of estimates that keep to linear conditions."""
-    if not len(slopes):
-        return cov
-    across = cov @ slopes.T
-    left = np.asarray(cov - across @ np.linalg.pinv(slopes @ across) @ across.T)
-    np.fill_diagonal(left, np.maximum(np.diag(left), 0.0))  # nothing is left of some, but for rounding
-    return left
+        dens = [np.array(den) for den in self.fit.layout.denominators(params)]
+        return sum(int(np.sum((roots_of(den).real > -near) & (roots_of(den).imag >= 0))) for den in dens)

@@ -69,9 +69,23 @@ def test_the_words():
     assert found.stability_cost == pytest.approx(4.29, abs=0.05)
     assert "raises -2 log likelihood by 4.29 (p = 0.019)" in str(found.check())
     assert "fit.stable()" in str(mf.fit(record(12), TWO).check())
-    # What the margin holds has no error of its own; what follows it has.
-    assert found.bse[0] == pytest.approx(0.0, abs=1e-6)
-    assert np.all(found.bse[1:] > 0.01)
+    np.testing.assert_array_equal(found.bse, mf.fit(record(12), TWO).bse)
+
+
+@pytest.mark.statistics
+def test_intervals_at_the_margin_hold_the_truth():
+    """100 records of a light mode, some at the margin: fewer than 89 of 100 happen once in 200 tests of 95 %.
+    Errors given that poles stay at the margin, nearly zero, held 48 %.
+    """
+    light, truth, inside, at = mf.tf([1], [1, 0.02, 4]), [0.02, 4.0, 1.0], [], 0
+    for seed in range(100):
+        rec = mf.simulate(light, input="sin(t**2/5)", duration=10.0, intervals=100, nsr=0.3, seed=seed)
+        fit = mf.fit(rec, TWO, stable=True)
+        at += fit.stability_cost is not None
+        low, high = fit.conf_int().T
+        inside.append((low <= truth) & (truth <= high))
+    assert at > 25
+    assert np.all(np.sum(inside, axis=0) >= 89)
 
 
 @pytest.mark.parametrize("denominator", ["common", "separate"])
