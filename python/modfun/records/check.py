@@ -12,13 +12,13 @@ from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import angle_of
-from .dead_band import dead_band
+from .dead_band import dead_band, frozen
 from .joints import joints
 from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
 
-__all__ = ["check_record", "mixed_angles", "remarks_for_fits"]
+__all__ = ["check_record", "frozen_samples", "mixed_angles", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
@@ -55,6 +55,7 @@ def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
         if name in record._seen:  # residuals show whether what is declared is wrong
             yield from (("between", name, text) for text in _doubtful(record, name, record._seen[name]))
         if _measured(record, name, form):
+            yield from (("frozen", name, text) for text in frozen_samples(record, name))
             yield from (("code", name, text) for text in _codes(record, name))
             yield from (("clipped", name, text) for text in _clipped(record, name))
 
@@ -338,6 +339,9 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
             "the stored values."
         )
         return
+    if found := list(frozen_samples(record, name)):
+        yield from found
+        return
     good = record._good(name)
     inside = (np.diff(values) == 0) & (values[1:] != values.max()) & (values[1:] != values.min())
     inside &= good[1:] & good[:-1]
@@ -349,6 +353,22 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
             f"before, {int(lengths[worst]) + 1} equal ones from t = {record.t[starts[worst]]:g} s; stale, "
             "held or coarsely rounded samples?"
         )
+
+
+def frozen_samples(record: Samples, name: str) -> Iterator[str]:
+    """Say that a channel stood still in between, unless these samples are left out already."""
+    found = frozen(record[name])
+    if found is None:
+        return
+    first, last = found[0] + 1, found[0] + found[1] - 1
+    if not record._good(name)[first : last + 1].any():
+        return
+    moving = f"(rec.t < {record.t[first]:.6g}) | (rec.t > {record.t[last]:.6g})"
+    cure = f"leave them out, rec.weigh(mask={moving})" if name in record.outputs else "fill them in"
+    yield (
+        f"{_kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
+        f"on are equal, and others hardly ever are. First {cure}."
+    )
 
 
 def _outliers(record: Samples, name: str) -> Iterator[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base.tables import Findings
 from .band_end import beyond
-from .dead_bands import stored_late
+from .dead_bands import stands_still, stored_late
 from .diagnosis import diagnose
 from .doubts import (
     SURE,
@@ -110,8 +110,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound, misbegun, unexpected,
-    stored_late, in_two_units, unlike_records, contradicted_numbers, missing_input, late_channel, unexplained,
-    fed_back, unsettled, unstable, condition, undeclared,
+    stored_late, stands_still, in_two_units, unlike_records, contradicted_numbers, missing_input,
+    late_channel, unexplained, fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 

@@ -1,13 +1,14 @@
-"""The doubt that an output was stored with a dead band, which makes responses late and small."""
+"""Doubts about outputs that stand still: stored with a dead band, or frozen for a while."""
 
 from __future__ import annotations
 
+from ..records.check import frozen_samples
 from ..records.dead_band import dead_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 
-__all__ = ["stored_late"]
+__all__ = ["stands_still", "stored_late"]
 
 
 def stored_late(fit: Estimates) -> Doubt | None:
@@ -24,4 +25,13 @@ def stored_late(fit: Estimates) -> Doubt | None:
                     f"rec[{name!r}][k])).",
                     sure=level_p(fit) < SURE,
                 )
+    return None
+
+
+def stands_still(fit: Estimates) -> Doubt | None:
+    """That an output stood still while it moved before and after."""
+    for k, rec in enumerate(fit.records or ()):
+        for name in rec.outputs:
+            for text in frozen_samples(rec, name):
+                return Doubt(text if k == 0 else f"Record {k}: {text}")
     return None

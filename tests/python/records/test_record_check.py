@@ -94,7 +94,7 @@ def test_check_stale_samples():
     assert said("74 % of its samples repeat", y=np.repeat(Y[::4], 4)[: N + 1], u=U)
     frozen = Y.copy()
     frozen[100:160] = frozen[100]
-    assert said("60 equal ones from t = 2 s", y=frozen, u=U)
+    assert said("'y' is frozen: 60 samples from t = 2 s on are equal", y=frozen, u=U)
 
 
 def test_check_constant_channels():
