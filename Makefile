@@ -78,7 +78,7 @@ rivals: .venv/rivals/created
 validate: .venv/dev
 	$(BIN)/python benches/validate/validate.py $(if $(ONLY),--only $(ONLY))
 
-## What fits of wrong and right set-ups warn of, into docs/trial.md: two minutes. ONLY= for some, without the page.
+## What fits of wrong and right set-ups warn of, into docs/trial.md: some ten minutes. ONLY= for some, without the page.
 trial: .venv/dev
 	$(BIN)/python benches/trial/trial.py $(if $(ONLY),--only "$(ONLY)")
 

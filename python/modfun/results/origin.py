@@ -14,7 +14,7 @@ __all__ = ["APART", "gain_of_colour", "gain_of_process", "hum", "origin", "wide_
 
 RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
 APART = 14.0
-LINES = 128  # of equations, at most: their covariances grow with the square
+LINES = 256  # of all outputs of equations, at most: their covariances grow with the square
 LEAST_GAIN = 1.2  # of a standard error
 HUM, HUM_LINES = 0.7, 16  # part of the residuals' power in two lines beside each other, of so many at least
 POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a sample
@@ -102,7 +102,8 @@ def gain_of_colour(fit: Estimates) -> float | None:
 def wide_band(fit: Estimates) -> tuple[float, float]:
     """The band of a fit up to eight samples a period, or as many lines as are cheap."""
     least = min(2 * np.pi / ((rec.dt or np.inf) * 8) for rec in fit.records or ())
-    return fit.band[0], max(fit.band[1], float(min(least, LINES * min(fit.omega0))))
+    most = LINES // max(len(fit.outputs), 2) * min(fit.omega0)
+    return fit.band[0], max(fit.band[1], float(min(least, most)))
 
 
 def gain_of_process(fit: Estimates) -> tuple[float, float] | None:
