@@ -425,10 +425,9 @@ def test_a_transfer_function_has_no_logarithm():
 
 def test_a_constant_that_nothing_shows_is_of_no_rank():
     rec, _, _ = duffing()
-    for options in ({"trend": "constant"}, {"band": (0.5, 4.0)}):
-        with pytest.warns(mf.ModfunWarning, match="cannot tell the parameters apart"):
-            fit = mf.fit(rec, mf.Equation("y'' + d*y' + a*y + b*y**3 + c = u"), **options)
-        assert fit.status == "rank"
+    with pytest.warns(mf.ModfunWarning, match="cannot tell the parameters apart"):
+        fit = mf.fit(rec, mf.Equation("y'' + d*y' + a*y + b*y**3 + c = u"), trend="constant")
+    assert fit.status == "rank"
 
 
 def test_free_fall():
@@ -524,7 +523,7 @@ def test_another_set_of_parameters_with_the_same_equation_is_named():
 
 
 @pytest.mark.filterwarnings("ignore:fit. Input .* is in the record and not in the model")
-@pytest.mark.filterwarnings("ignore:fit. Part of the response is missing")  # of free motion, there is none
+@pytest.mark.filterwarnings("ignore:fit. The residuals are .* seems to drive the equations")
 @pytest.mark.parametrize(("channel", "name", "refused"), [
     ("u", "U", True), ("elev", "elve", True), ("elev", "eleva", True), ("alpha", "alpha0", False),
     ("beta", "zeta", False), ("u", "c", False),
