@@ -5,6 +5,7 @@ from __future__ import annotations
 import modfun as mf
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 LIGHT = mf.tf([1], [1, 0.1, 1])
 PERIOD, STEP = 20.0, 0.2
@@ -197,3 +198,24 @@ def test_what_has_no_periods_is_refused() -> None:
         mf.frf([steady(sines()), chirp], method="periodic")
     with pytest.raises(mf.DataError, match="no line is excited"):
         mf.frf(steady(sines()), method="periodic", band=(4.0, 5.0))
+
+
+@pytest.mark.statistics
+def test_gains_of_periods_weigh_lines_by_their_scatter() -> None:
+    """60 records of four periods in AR(0.95) noise: errors below those of white weights, by a factor of 1.2
+    for the damping and the gain; 95 % intervals hold 89 % at least (5 in 10,000 tests of 180 would not)."""
+    system, truth = mf.tf([1], [1, 0.4, 1]), np.array([0.4, 1.0, 1.0])
+    clean, model = steady(sines(periods=4), system), mf.TransferFunction(poles=2, zeros=0)
+    white, gains, inside = [], [], []
+    for seed in range(60):
+        noise = lfilter([1], [1, -0.95], np.random.default_rng(seed).normal(size=clean.t.size + 200))[200:]
+        rec = clean.assign(y=clean["y"] + 0.1 * clean["y"].std() * noise * np.sqrt(1 - 0.95**2))
+        white.append(mf.fit(rec, model, initial_state="periodic").params - truth)
+        fit = mf.fit(mf.frf(rec, method="periodic"), model)
+        gains.append(fit.params - truth)
+        low, high = fit.conf_int().T
+        inside.append((low < truth) & (truth < high))
+    ratio = np.sqrt(np.mean(np.square(gains), axis=0) / np.mean(np.square(white), axis=0))
+    assert np.all(ratio[[0, 2]] < 1 / 1.2)
+    assert ratio[1] < 1.15
+    assert np.mean(inside) >= 0.89
