@@ -17,6 +17,7 @@ from ..base.samples import band_edges
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.options import MOST, MOST_THREADS, Options
 from ..records.corners import driving
+from ..records.periods import periods
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from .coefficients import spectrum
@@ -193,7 +194,8 @@ def frf(
         if len(widths) > 1:
             chosen = shape.choose(widths, where, threads, shown)
         found = shape.estimates(chosen, where, threads, shown)
-    return _said(_response(records[0], where, found, chosen, shape, varying, units), records, left)
+    made = _response(records[0], where, found, chosen, shape, varying, units)
+    return _said(made, records, left, _of_periods(method, records))
 
 
 class _Neighbourhood:
@@ -347,11 +349,24 @@ def _response(
     )
 
 
-def _said(found: FrequencyResponse, records: list[Record], left: dict[str, float]) -> FrequencyResponse:
-    """The gains with how inputs go between samples, and a warning where that is open and matters."""
+def _of_periods(method: str, records: list[Record]) -> tuple[str, ...]:
+    """That polynomials see few of the lines that repeated inputs have."""
+    most = max(periods(rec) for rec in records) if method == "lpm" else 1
+    if most == 1:
+        return ()
+    return (
+        f"The inputs repeat {most} times, so that one line in {most} has a signal, and polynomials miss "
+        'resonances between lines so far apart. First try method="periodic", or "lrm".',
+    )
+
+
+def _said(
+    found: FrequencyResponse, records: list[Record], left: dict[str, float], more: tuple[str, ...] = ()
+) -> FrequencyResponse:
+    """The gains with how inputs go between samples, and warnings of what is open and matters, and of more."""
     words = zip(*(rec._between_words() for rec in records), strict=True)
     found = found._told(between=tuple(" or ".join(dict.fromkeys(own)) for own in words))
-    notes = doubts_of(left, float(records[0].dt or 0), found)
+    notes = (*more, *doubts_of(left, float(records[0].dt or 0), found))
     for text in notes:
         warnings.warn(f"frf: {text}", ModfunWarning, stacklevel=4)
     return found._told(notes=notes)

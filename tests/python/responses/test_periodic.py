@@ -41,6 +41,17 @@ def test_exact_without_noise() -> None:
     assert np.all(found.bse < 1e-5 * np.abs(found.response[0, 0]).max())
 
 
+def test_local_polynomials_are_warned_of_beside_empty_lines() -> None:
+    """Of three periods of a light mode, "lpm" is 80 % off and "lrm" exact."""
+    rec = steady(sines(periods=3))
+    omega = 2 * np.pi / PERIOD * np.arange(1, 9)
+    with pytest.warns(mf.ModfunWarning, match=r"repeat 3 times, .* First try method=.periodic., or .lrm."):
+        found = mf.frf(rec, omega, method="lpm")
+    assert np.max(np.abs(found.response[0, 0] / mode(omega) - 1)) > 0.5
+    assert any("repeat 3 times" in note for note in found.notes)
+    np.testing.assert_allclose(mf.frf(rec, omega).response[0, 0], mode(omega), rtol=3e-4)
+
+
 def test_several_inputs_take_as_many_records() -> None:
     system = mf.tf([[[1], [2]], [[1, 0], [1, 3]]], [[[1, 0.2, 1], [1, 1]], [[1, 0.2, 1], [1, 2, 2]]])
     first, second = sines(seed=1), sines(seed=2)
