@@ -12,7 +12,7 @@ from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import angle_of
-from .dead_band import dead_band, frozen
+from .dead_band import FROZEN, dead_band, frozen
 from .joints import joints
 from .mask import runs
 from .samples import Samples
@@ -361,7 +361,7 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     if found is None:
         return
     first, last = found[0] + 1, found[0] + found[1] - 1
-    if not record._good(name)[first : last + 1].any():
+    if np.count_nonzero(record._good(name)[found[0] : last + 1]) < FROZEN:
         return
     moving = f"(rec.t < {record.t[first]:.6g}) | (rec.t > {record.t[last]:.6g})"
     cure = f"leave them out, rec.weigh(mask={moving})" if name in record.outputs else "fill them in"

@@ -7,7 +7,7 @@ import numpy as np
 from ..base.arrays import F64
 from .mask import runs
 
-__all__ = ["dead_band", "frozen"]
+__all__ = ["FROZEN", "dead_band", "frozen"]
 
 REPEATED = 0.3  # of the samples, at least
 CHANGES = 10  # at least

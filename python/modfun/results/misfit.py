@@ -337,17 +337,11 @@ def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
 def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:
     """That products of a signal and a derivative have made more of the noise than estimates bear."""
     formulas = getattr(fit.layout, "formulas", None)  # of equations
-    if formulas is None or not d.chi2_p < SURE:
+    if formulas is None or not (d.level_ratio > AMPLIFIED and d.chi2_p < SURE):
         return None
-    hidden, bent = ", ".join(formulas.compiled.hidden), not formulas.words["linear"]
-    if hidden and bent:  # what elimination leaves holds products of noise that no level shows
-        return Doubt(
-            f"The equation that is left without {hidden} has products of noisy signals and derivatives, and "
-            f"the residuals are {d.level_ratio:.3g} times {_reference(fit)} (p = {d.chi2_p:.1g}): estimates "
-            f"may be off by much more than their errors. First measure {hidden}, or record with less noise."
-        )
-    if not d.level_ratio > AMPLIFIED or all(term.factor is None for term in formulas.compiled.terms):
+    if all(term.factor is None for term in formulas.compiled.terms):
         return None
+    hidden = ", ".join(formulas.compiled.hidden)
     cure = f"measure {hidden}" if hidden else "fit the response itself, mf.rivals.output_error(model)"
     return Doubt(
         "Products of a signal and a derivative are left in the equation, which amplify noise, and the "

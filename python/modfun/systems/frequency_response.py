@@ -317,6 +317,13 @@ class FrequencyResponse:
         """Draw dB and degrees over frequency, with 95 % bands (extra ``plot``); returns Axes.
 
         Where distortion is known, dots show its level below the gain, and ticks the standard error.
+
+        Parameters
+        ----------
+        ax : sequence of two matplotlib Axes, optional
+            For magnitude and phase; None makes a figure.
+        hz : bool, default False
+            Frequencies in Hz instead of rad/s.
         """
         low, high = span(self.omega[self.omega > 0].tolist())
         curves = curves_of(self.omega, self.response, self.radius(), self.outputs, self.inputs)

@@ -155,10 +155,11 @@ def test_check_does_not_take_the_filling_for_stale_samples():
     k = np.arange(N + 1)
     held = np.where((k > 80) & (k < 121), Y[0, 80], Y[0])
     held[121] = held[80]
-    assert "repeat the one before" in Record(y=held, dt=0.05).check()
+    assert "is frozen: 42 samples" in Record(y=held, dt=0.05).check()
     rec = Record(y=held, dt=0.05, mask=(k <= 80) | (k >= 121))
     assert np.array_equal(rec["y"], held)
     assert "repeat the one before" not in rec.check()
+    assert "is frozen" not in rec.check()
 
 
 def test_frames_show_masked_samples_as_nan(rec):
