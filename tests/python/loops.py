@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import modfun as mf
 import numpy as np
 from scipy.signal import lfilter
@@ -19,45 +22,46 @@ def command() -> np.ndarray:
     return np.repeat(levels, held)[: INTERVALS + 1]
 
 
-def flown(noise: float, seed: int, feedback: bool = True, pole: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Measured output and input, noise white or AR(1).
+def flown(
+    noise: float,
+    seed: int,
+    feedback: bool = True,
+    pole: float = 0.0,
+    truth: np.ndarray = TRUTH,
+    gains: tuple[float, float] = (1.5, 0.7),
+) -> tuple[np.ndarray, np.ndarray]:
+    """Measured output and input of a plant b0/(s² + a1 s + a2), truth = (a1, a2, b0), noise white or AR(1).
 
     Without feedback of the noise the controller sees the output itself.
     """
-    step, kick, r = _plant(), _kick(), command()
+    (step, kick), r = _plant(*truth.tolist()), command()
     white = np.random.default_rng(seed).standard_normal(INTERVALS + 201)
     e = noise * lfilter([np.sqrt(1 - pole**2)], [1, -pole], white)[200:]
     x, y, u = np.zeros(2), np.zeros(INTERVALS + 1), np.zeros(INTERVALS + 1)
     rate = last = seen = 0.0
     for k in range(INTERVALS + 1):
         y[k] = x[0] + e[k]
-        if k:  # one sample late: 1.5 y and 0.7 times its rate, behind a lag of 0.05 s
-            rate = 0.05 / 0.15 * rate + 0.7 / 0.15 * (seen - last)
+        if k:  # one sample late: `gains` times y and its rate, the latter behind a lag of 0.05 s
+            rate = 0.05 / 0.15 * rate + gains[1] / 0.15 * (seen - last)
             last = seen
-        u[k] = r[k] - (1.5 * seen + rate if k else 0.0)
+        u[k] = r[k] - (gains[0] * seen + rate if k else 0.0)
         seen = y[k] if feedback else x[0]
         x = step @ x + kick * u[k]
     return y, u
 
 
-def record(noise: float, seed: int, feedback: bool = True, pole: float = 0.0) -> mf.Record:
-    y, u = flown(noise, seed, feedback, pole)
+def record(noise: float, seed: int, **words: Any) -> mf.Record:
+    y, u = flown(noise, seed, **words)
     return mf.Record(y=y, u=u, dt=DT, intersample="zoh", keep={"r": command()})
 
 
-def _system() -> mf.LTI:
-    return mf.ss([[0.0, 1.0], [2.0, -0.5]], [[0.0], [5.0]], np.eye(2))
-
-
-def _plant() -> np.ndarray:
-    free = [
-        _system().simulate(u=[0.0, 0.0], dt=DT, intersample="zoh", initial_state=x)[:, 1] for x in np.eye(2)
-    ]
-    return np.array(free).T
-
-
-def _kick() -> np.ndarray:
-    return np.asarray(_system().simulate(u=[1.0, 1.0], dt=DT, intersample="zoh")[:, 1])
+@cache
+def _plant(a1: float, a2: float, b0: float) -> tuple[np.ndarray, np.ndarray]:
+    """State after a sample from states 1, 0 and 0, 1, and under an input of 1."""
+    system = mf.ss([[0.0, 1.0], [-a2, -a1]], [[0.0], [b0]], np.eye(2))
+    words = {"dt": DT, "intersample": "zoh"}
+    free = [system.simulate(u=[0.0, 0.0], initial_state=x, **words)[:, 1] for x in np.eye(2)]
+    return np.array(free).T, np.asarray(system.simulate(u=[1.0, 1.0], **words)[:, 1])
 
 
 CLEAN, CLEAN_INPUT = flown(0.0, 0)

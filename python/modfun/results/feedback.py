@@ -44,7 +44,7 @@ class Feedback:
     bias : float
         About how many standard errors the parameter with most bias is off.
     least : float
-        The same less the standard error of that estimate.
+        The same less two standard errors of that estimate.
     """
 
     output: str
@@ -58,9 +58,11 @@ def feedback(fit: Estimates) -> Feedback | None:
     """Whether later inputs follow residuals: a regression of each input on its past and on past residuals.
 
     C. W. J. Granger, Econometrica 37, 1969. An input that knows nothing of the noise has coefficients 0 at
-    past residuals, whatever its form. With H(ω) its response to residuals of unit variance, lines have
-    E Re(∂G* U* E) = Re(∂G H) E|E|², from which the bias of least squares on the lines follows. None where no
-    input follows them with a p-value below 0.01, and where they are not noise.
+    past residuals, whatever its form. Where it follows them, the loop is known far better from its outputs,
+    signal and noise, than from residuals alone: a regression of the inputs on their past and on outputs. With
+    H(ω) the response of the inputs to noise in that loop, lines have E Re(∂G* U* E) = Re(∂G H) E|E|², from
+    which the bias of least squares on the lines follows. None where no input follows residuals with a p-value
+    below 0.01, and where they are not noise.
     """
     led = _led(fit)
     if not led or too_large(level_p(fit)) or noise_free(fit) is not None:
@@ -95,25 +97,25 @@ def _found(
     """The likeliest way back, by residuals (output, interval) of a record; None where none is likely."""
     left = {k: residuals(fit, k) for k in {k for k, _ in led}}
     tests = [
-        (k, i, j, _granger(past, e, _lags(fit, j)))
+        (_granger(past, e, _lags(fit, j)), i, j)
         for (k, j), past in led.items()
         for i, e in enumerate(left[k])
     ]
-    known = [(k, i, j, found) for k, i, j, found in tests if found is not None]
-    p, i, j = min(((found.p_value, i, j) for _, i, j, found in known), default=(1.0, 0, 0))
+    known = [(p, i, j) for p, i, j in tests if p is not None]
+    p, i, j = min(known, default=(1.0, 0, 0))
     if not known or p * len(known) >= ASKED:
         return None
     size = fit.params.size
     pull, spread = np.zeros(size), np.zeros((size, size))
-    for k, output, channel, found in known:
-        own, slopes = _pull(fit, k, output, channel, found.coefficients)
+    for k in left:
+        own, cov = _pull(fit, k, [j for at, j in led if at == k])
         pull += own
-        spread += slopes @ found.cov @ slopes.T
+        spread += cov
     moved = fit.cov_nonrobust
     with np.errstate(invalid="ignore", divide="ignore"):
         sizes = np.sqrt(np.diag(moved))
         most = np.abs(moved @ pull) / sizes
-        least = most - np.sqrt(np.diag(moved @ spread @ moved)) / sizes
+        least = most - 2 * np.sqrt(np.diag(moved @ spread @ moved)) / sizes
     at = int(np.argmax(np.nan_to_num(least, nan=-np.inf)))
     return Feedback(fit.outputs[i], fit.inputs[j], p * len(known), float(most[at]), float(least[at]))
 
@@ -125,47 +127,21 @@ def _in_time(fit: Estimates, k: int) -> F64:
     return np.zeros((0, 0)) if whole is None else (fit.records[k].y[:, -whole.shape[1] :] - whole)[:, :-1]
 
 
-@dataclass(frozen=True)
-class _Granger:
-    """A regression of an input on its own past and on residuals: the triangular factor of its rows.
+def _granger(past: F64, e: F64, lags: range) -> float | None:
+    """p-value of an F test that residuals say nothing of an input beside its past; None if nobody can tell.
 
-    `factor` is that of the correlations of the columns, a constant, the input's past, the residuals, and of
-    the input itself, last; `sizes` are their norms.
+    `past` are columns of `_past`, the last of them the input itself.
     """
-
-    factor: F64
-    sizes: F64
-    p_value: float
-    variance: float  # of what is left
-
-    @property
-    def _inverse(self) -> F64:
-        return np.asarray(np.linalg.inv(self.factor[:-1, :-1].T) / self.sizes[:-1, None])
-
-    @property
-    def coefficients(self) -> F64:
-        """Of the past and of the residuals."""
-        return np.asarray(self._inverse @ self.factor[-1, :-1] * self.sizes[-1])[1:]
-
-    @property
-    def cov(self) -> F64:
-        """Covariance of these."""
-        return np.asarray(self._inverse @ self._inverse.T * self.variance)[1:, 1:]
-
-
-def _granger(past: F64, e: F64, lags: range) -> _Granger | None:
-    """Whether residuals say anything of an input that its past does not; None where nobody can tell."""
     from scipy.special import fdtrc
 
     size = past.shape[1]
     late = [e[PAST - lag :][:size] for lag in lags]
-    factor, sizes = _factor(np.array([*past[:-1], *late, past[-1]]))
+    factor, _ = _factor(np.array([*past[:-1], *late, past[-1]]))
     if factor is None:
         return None
     part, left = factor[-1, len(past) - 1 : -1], float(factor[-1, -1] ** 2)
     freedom = size - len(factor) + 1
-    p = float(fdtrc(part.size, freedom, float(part @ part) / part.size / (left / freedom)))
-    return _Granger(factor, sizes, p, left * float(sizes[-1]) ** 2 / freedom)
+    return float(fdtrc(part.size, freedom, float(part @ part) / part.size / (left / freedom)))
 
 
 def _past(u: F64) -> F64 | None:
@@ -208,23 +184,67 @@ def _lags(fit: Estimates, j: int) -> range:
     return range(0 if held else 1, LAGS + 1)
 
 
-def _pull(fit: Estimates, k: int, i: int, j: int, c: F64) -> tuple[F64, F64]:
+def _pull(fit: Estimates, k: int, led: list[int]) -> tuple[F64, F64]:
     """What a record adds to the mean of the gradient, Re(slopes of the gain times H) over its lines.
 
-    H = Σ g zˡ/(1 − Σ a zˡ), coefficients c = (a, g). Returns the sum and its slopes by c.
+    Inputs `led` obey P u = B y + r, P and B polynomials of one sample's delay. With u and y the responses to
+    noise e of the outputs, y = G u + e, H = (P − B G)⁻¹ B. Returns the sum and its covariance by P and B.
     """
     assert fit.records is not None
     rec, (lo, hi) = fit.records[k], fit.lines[k]
     omega: F64 = fit.omega0[k] * np.arange(max(lo, 1), hi + 1, dtype=np.float64)
     turn = 1j * omega * rec.dt  # type: ignore[operator]
-    own = np.exp(-turn[:, None] * np.arange(1, PAST + 1))
-    past = np.exp(-turn[:, None] * np.array(_lags(fit, j)))
-    over = 1 / (1 - own @ c[:PAST])
-    h = past @ c[PAST:] * over
-    held = (1 - np.exp(-turn)) / turn if rec.intersample[j] == "zoh" else np.ones(omega.size)
-    slopes = response_gradients(fit.layout, fit.params, omega)[1][:, i, j] * held
-    by_c = np.hstack([own * (h * over)[:, None], past * over[:, None]])
-    return np.asarray(2 * (slopes @ h).real), np.asarray(2 * (slopes @ by_c).real)
+    held = [(1 - np.exp(-turn)) / turn if kind == "zoh" else np.ones(turn.size) for kind in rec.intersample]
+    g, slopes = (part * np.array(held) for part in response_gradients(fit.layout, fit.params, omega))
+    outputs, inputs = g.shape[:2]
+    loops = [(j, *found) for j in led if (found := _loop(fit, k, j, led)) is not None]
+    p = np.zeros((omega.size, inputs, inputs), complex) + np.eye(inputs)
+    b = np.zeros((omega.size, inputs, outputs), complex)
+    for j, whose, c, _ in loops:
+        for (is_output, of, lag), slope in zip(whose, c.tolist(), strict=True):
+            part = b[:, j, of] if is_output else p[:, j, of]
+            part += (slope if is_output else -slope) * np.exp(-turn * lag)
+    g = np.moveaxis(g, -1, 0)
+    pull, spread = np.zeros(fit.params.size), np.zeros((fit.params.size,) * 2)
+    if not np.all(np.isfinite(p - b @ g)):
+        return pull, spread
+    over = np.linalg.pinv(p - b @ g)
+    h = over @ b
+    seen = np.eye(outputs) + g @ h  # outputs by their noise
+    pull += 2 * np.einsum("poif,fio->p", slopes, h).real
+    for j, whose, _, cov in loops:
+        into = np.einsum("poif,fi->pof", slopes, over[:, :, j])
+        by_c = [
+            2 * np.einsum("pof,fo,f->p", into, (seen if out else h)[:, of], np.exp(-turn * lag)).real
+            for out, of, lag in whose
+        ]
+        spread += np.array(by_c).T @ cov @ np.array(by_c)
+    return pull, spread
+
+
+def _loop(
+    fit: Estimates, k: int, j: int, led: list[int]
+) -> tuple[list[tuple[bool, int, int]], F64, F64] | None:
+    """Regression of an input on its past, on that of the others of `led`, and on the outputs.
+
+    Columns as (whether of an output, which, lag), their coefficients and the covariance of these; None where
+    the columns are dependent, or half as many as the samples.
+    """
+    assert fit.records is not None
+    rec = fit.records[k]
+    u, y = (part[:, rec.intervals - fit.intervals[k] : -1][:, :LONGEST] for part in (rec.u, rec.y))
+    whose = [(False, i, lag) for i in led for lag in range(1, (PAST if i == j else LAGS) + 1)]
+    whose += [(True, i, lag) for i in range(len(y)) for lag in _lags(fit, j)]
+    size = u.shape[1] - PAST
+    columns = [(y if out else u)[i, PAST - lag :][:size] for out, i, lag in whose]
+    rows = np.array([*columns, u[j, PAST:]])
+    freedom = size - len(rows)
+    factor, sizes = _factor(rows - rows.mean(axis=1, keepdims=True))
+    if factor is None or freedom < len(rows):
+        return None
+    inverse = np.linalg.inv(factor[:-1, :-1].T) / sizes[:-1, None]
+    variance = float(factor[-1, -1] * sizes[-1]) ** 2 / freedom
+    return whose, inverse @ factor[-1, :-1] * sizes[-1], variance * inverse @ inverse.T
 
 
 def _residuals(fit: Estimates, k: int) -> F64:
