@@ -301,8 +301,8 @@ def fit_many(
     ----------
     data : Batch or sequence of Record
         Replicates sampled alike run in the compiled core; records that differ in length, rate or
-        intersample are fitted one after the other, with the band of the first, and so are all of `robust`,
-        `stable` and `reference`. Where nobody declared how an
+        intersample are fitted one after the other, with the band of the first, and so are all of `stable`
+        and `reference`, and of `robust` with bands of their own. Where nobody declared how an
         input goes between samples, fits of the first four (of equations the first) that look alike decide
         for these, as in `fit`; `FitMany.notes` says so.
     model : TransferFunction, Equation or StateSpace
@@ -311,7 +311,7 @@ def fit_many(
     progress : {"auto", True, False}
         On standard error; "auto": from two seconds on.
     **options
-        Those of `fit`. With neither `band` nor `harmonics` the band is chosen once, on the first record.
+        Those of `fit`. With neither `band` nor `harmonics` the first record's serves all, but if `robust`.
 
     Returns
     -------

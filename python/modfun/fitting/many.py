@@ -82,6 +82,9 @@ def fit_each(
 ) -> FitMany:
     """Fit records one after the other, with the band of the first that has a fit.
 
+    Robust fits take each record's own band, since weights decide how far lines inform: over the band of
+    another record they were up to a standard error from single fits.
+
     A record whose fit ends in a FitError has no estimate, as those that the core cannot fit, and neither has
     a replicate of a batch that makes no record; where there is no other, the error is raised.
     """
@@ -98,7 +101,7 @@ def fit_each(
                 fits.append(None)
                 failures[k] = error
             else:
-                if len(failures) == k:  # the first
+                if len(failures) == k and not options.robust:  # the first
                     shared = options.replace(harmonics=None, band=fit.band)
                 fits.append(fit)
     if len(failures) == len(data):

@@ -30,7 +30,6 @@ from ..models.process import with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
-from .functions import Failed
 from .generated import Generated
 from .groups import Group
 
@@ -128,13 +127,11 @@ def contenders(
     model: Any,
     found: Sequence[Group | Generated],
     firsts: Sequence[Record],
-    seed: int,
-    nsr: float,
 ) -> tuple[Contender, ...]:
     """Check the estimators of a study and make them ready for its groups.
 
     `firsts` has a record of each group, on which bands are chosen: noise-free where there is a system. Bands
-    of robust fits follow the weights, so that replicate 0 at the highest `nsr` decides.
+    of robust fits follow the weights, so that each replicate has its own.
     """
     words = WORDS["method"]
     if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
@@ -197,13 +194,9 @@ def contenders(
         )
         for e, g, rec in zip(own, found, firsts, strict=True):
             _refuse(name, e, g, rec)
-        decisive = [
-            _noisy(g, rec, seed, nsr) if e.options.robust else rec
-            for e, g, rec in zip(own, found, firsts, strict=True)
-        ]
         settled = tuple(
             _settled(e, g, read_as((rec,), one)[0])
-            for e, g, rec, one in zip(own, found, decisive, read, strict=True)
+            for e, g, rec, one in zip(own, found, firsts, read, strict=True)
         )
         alone = any(not e.options.is_plain or _has_past(e, rec) for e, rec in zip(own, firsts, strict=True))
         one = _contender(str(name), None, settled, tuple(e.model for e in own), found)
@@ -247,9 +240,9 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
     layout = own.model.layout(rec.outputs, rec.inputs)  # refuses what does not go together
     if isinstance(group, Group):
         _refuse_standing(layout, rec)
-    if _has_past(own, rec) or options.robust:
+    if _has_past(own, rec) or rec.functions:
         return _settled_by_fit(own, group, rec)
-    if options.band is not None or options.harmonics is not None:
+    if options.band is not None or options.harmonics is not None or options.robust:
         return own
     with np.errstate(all="ignore"):
         found = prepare(own.model, options, [rec]).core.fit([rec.y], [rec.u])
@@ -258,16 +251,6 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
         return Estimator(own.model, **options.replace(harmonics=high - max(layout.orders)).given())
     omega0 = float(found["omega0"][0])  # in rad/s, as records may differ in length
     return Estimator(own.model, **options.replace(band=(low * omega0, high * omega0)).given())
-
-
-def _noisy(group: Group | Generated, rec: Record, seed: int, nsr: float) -> Record:
-    """Replicate 0 of a group; the record that is given where that is it, or where there is none."""
-    if not isinstance(group, Group):
-        return rec
-    try:
-        return group.records(seed, 0, [nsr * group.scale])[0]
-    except (Failed, SpecError):  # the replicates say so
-        return rec
 
 
 def _refuse(name: str, own: Estimator, group: Group | Generated, rec: Record) -> None:
@@ -297,8 +280,8 @@ def _refuse_standing(layout: Layout, rec: Record) -> None:
 
 
 def _settled_by_fit(own: Estimator, group: Group | Generated, rec: Record) -> Estimator:
-    """As `_settled`, for equations, records with a past and robust fits: by a fit of the record."""
-    if own.options.band is not None or own.options.harmonics is not None:
+    """As `_settled`, for equations, records with a past and inputs known at all times: by a fit."""
+    if own.options.band is not None or own.options.harmonics is not None or own.options.robust:
         return own
     with np.errstate(all="ignore"):
         try:

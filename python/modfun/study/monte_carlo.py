@@ -114,9 +114,9 @@ class MonteCarlo:
     **options
         Options of `fit` for the method names: band, harmonics, trend, rule, extended, tol, maxiter,
         cov_type, robust, stable, reference. With neither band nor harmonics the band is chosen for each
-        system and input on the noise-free response, with `generate` on the first record of each cell, of
-        robust fits on replicate 0 at the highest nsr, and used for every replicate. A reference is an input,
-        or a channel that the records of `generate` keep.
+        system and input on the noise-free response, with `generate` on the first record of each cell, and
+        used for every replicate; robust fits choose their own. A reference is an input, or a channel that
+        the records of `generate` keep.
 
     Raises
     ------
@@ -206,7 +206,7 @@ class MonteCarlo:
             firsts = [g.record(g.y) for g in found if isinstance(g, Group)]
             if (doubt := doubtful_nsr("MonteCarlo", max(axes[-1].labels))) is not None:
                 warnings.warn(doubt, ModfunWarning, stacklevel=3)
-        made = contenders(estimators, options, model, found, firsts, seed, max(axes[-1].labels))
+        made = contenders(estimators, options, model, found, firsts)
         _known_names(truth, made)
         self.plan = Plan(axes=axes, groups=found, contenders=made, metrics=_metrics(metrics), seed=seed)
 

@@ -35,14 +35,17 @@ def same(found: mf.FitMany, fits: list[mf.Fit], limit: float = 1e-9) -> None:
 @pytest.mark.parametrize("model", [TF2, EQUATION, SPACE], ids=["transfer function", "equation", "states"])
 @pytest.mark.filterwarnings("ignore::modfun.errors.ModfunWarning")
 def test_robust_fits_of_many_records_are_single_fits(model: Any) -> None:
-    """The first record chooses the band, as alone, and the others are fitted over it."""
+    """Each record chooses its band, as alone: over the band of the first, transfer functions were up to 1.1
+    standard errors off.
+    """
     records = [heavy(seed) for seed in range(3)]
     found = mf.fit_many(records, model, robust=True, progress=False)
-    first = mf.fit(records[0], model, robust=True)
-    assert found.band == first.band
-    others = [mf.fit(rec, model, robust=True, band=first.band) for rec in records[1:]]
-    same(found, [first, *others])
-    assert min(fit.tail for fit in (first, *others)) < 10
+    fits = [mf.fit(rec, model, robust=True) for rec in records]
+    assert found.band == fits[0].band
+    same(found, fits)
+    if model is TF2:
+        assert len({fit.band for fit in fits}) > 1
+    assert min(fit.tail for fit in fits) < 10
     plain = mf.fit_many(records, model, progress=False)
     assert np.max(np.abs(found.params - plain.params) / plain.bse) > 0.1
     assert "robust=True" in repr(mf.Estimator(model, **found.options.given()))

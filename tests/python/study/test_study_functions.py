@@ -571,3 +571,28 @@ def test_a_fit_may_have_more_parameters():
 def test_a_coefficient_that_cancels_is_zero():
     system = mf.ss([[0, 1], [-8, -3]], [[0], [5]], [[0, 1]], [[0]])
     assert system.num.tolist() == [5, 0]
+
+
+def test_inputs_known_at_all_times_are_so_in_studies() -> None:
+    """A record of `generate` keeps its function: rows are single fits, with the band of the first of these.
+
+    The band of samples was another, with the delay free.
+    """
+    late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(0.9, min=0.5, max=1.5))
+    clean = mf.simulate(mf.tf([5], [1, 3, 8], delay=0.93), input="sin(t**2/5)", duration=20.0, intervals=128)
+
+    def known(cell: dict[str, Any], rng: np.random.Generator) -> mf.Record:
+        noise = 0.02 * clean.y.std() * rng.standard_normal(clean.y.shape)
+        return mf.Record(clean.y + noise, u="sin(t**2/5)", dt=clean.dt)
+
+    made = mf.MonteCarlo(
+        generate=known, estimators={"ml": mf.Estimator(late)}, replicates=3, seed=1,
+        truth={"a1": 3.0, "a2": 8.0, "b0": 5.0, "delay": 0.93},
+    )  # fmt: skip
+    res = made.run(progress=False, keep="samples")
+    first = mf.fit(res.replicate(0)[0], late)
+    for number in range(3):
+        rec = res.replicate(number)[0]
+        assert rec.functions == {"u": "sin(t**2/5)"}
+        alone = mf.fit(rec, late, band=first.band) if number else first
+        np.testing.assert_allclose(res.samples[0, number], alone.params, rtol=1e-6)
