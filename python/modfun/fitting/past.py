@@ -288,7 +288,8 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
     if options.initial_state not in ("rest", "zero"):
         raise SpecError(
             f"{told} is for transfer functions of one output in white noise, without free delays, masks and "
-            'sigma, and numbers also for an Equation or StateSpace; take "rest", "zero" or "unknown"'
+            'sigma, and numbers also for an Equation or StateSpace: write the model as one, or take "rest", '
+            '"zero" or "unknown"'
         )
     _refuse_kind(structure, options)
     if not isinstance(structure, TransferFunction) and structure.compiled().is_driven_by_time:

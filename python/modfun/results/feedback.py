@@ -27,6 +27,7 @@ SHORTEST = 5 * (LAGS + PAST)  # samples
 LONGEST = 1 << 12  # samples of a record that are looked at
 ASKED = 0.01  # p-value from which on residuals are looked at more closely
 MOST = 1 << 16  # samples of a record whose residuals are laid out in time
+ALONE = 10.0  # of log likelihood: from there on residuals explain an input better than outputs do
 CANCELS = 2.0  # standard errors between a pole and a zero, at most
 NEW = 0.01  # of an input's rms: what its past does not predict is more, or it knows no noise
 
@@ -108,7 +109,7 @@ def _found(
     size = fit.params.size
     pull, spread = np.zeros(size), np.zeros((size, size))
     for k in left:
-        own, cov = _pull(fit, k, [j for at, j in led if at == k])
+        own, cov = _pull(fit, k, [j for at, j in led if at == k], left[k])
         pull += own
         spread += cov
     moved = fit.cov_nonrobust
@@ -184,11 +185,12 @@ def _lags(fit: Estimates, j: int) -> range:
     return range(0 if held else 1, LAGS + 1)
 
 
-def _pull(fit: Estimates, k: int, led: list[int]) -> tuple[F64, F64]:
+def _pull(fit: Estimates, k: int, led: list[int], e: F64) -> tuple[F64, F64]:
     """What a record adds to the mean of the gradient, Re(slopes of the gain times H) over its lines.
 
-    Inputs `led` obey P u = B y + r, P and B polynomials of one sample's delay. With u and y the responses to
-    noise e of the outputs, y = G u + e, H = (P − B G)⁻¹ B. Returns the sum and its covariance by P and B.
+    Inputs `led` obey P u = B y + D e + r, polynomials of one sample's delay. With u and y the responses to
+    noise e of the outputs, y = G u + e, H = (P − B G)⁻¹ (B + D). Returns the sum and its covariance by P, B
+    and D.
     """
     assert fit.records is not None
     rec, (lo, hi) = fit.records[k], fit.lines[k]
@@ -197,54 +199,62 @@ def _pull(fit: Estimates, k: int, led: list[int]) -> tuple[F64, F64]:
     held = [(1 - np.exp(-turn)) / turn if kind == "zoh" else np.ones(turn.size) for kind in rec.intersample]
     g, slopes = (part * np.array(held) for part in response_gradients(fit.layout, fit.params, omega))
     outputs, inputs = g.shape[:2]
-    loops = [(j, *found) for j in led if (found := _loop(fit, k, j, led)) is not None]
+    loops = [(j, *found) for j in led if (found := _loop(fit, k, j, led, e)) is not None]
     p = np.zeros((omega.size, inputs, inputs), complex) + np.eye(inputs)
-    b = np.zeros((omega.size, inputs, outputs), complex)
+    b, d = np.zeros((2, omega.size, inputs, outputs), complex)
     for j, whose, c, _ in loops:
-        for (is_output, of, lag), slope in zip(whose, c.tolist(), strict=True):
-            part = b[:, j, of] if is_output else p[:, j, of]
-            part += (slope if is_output else -slope) * np.exp(-turn * lag)
+        for (kind, of, lag), slope in zip(whose, c.tolist(), strict=True):
+            part = {"u": p, "y": b, "e": d}[kind][:, j, of]
+            part += (-slope if kind == "u" else slope) * np.exp(-turn * lag)
     g = np.moveaxis(g, -1, 0)
     pull, spread = np.zeros(fit.params.size), np.zeros((fit.params.size,) * 2)
     if not np.all(np.isfinite(p - b @ g)):
         return pull, spread
     over = np.linalg.pinv(p - b @ g)
-    h = over @ b
-    seen = np.eye(outputs) + g @ h  # outputs by their noise
+    h = over @ (b + d)
+    by = {"u": h, "y": np.eye(outputs) + g @ h, "e": 0 * g @ h + np.eye(outputs)}  # of the outputs' noise
     pull += 2 * np.einsum("poif,fio->p", slopes, h).real
     for j, whose, _, cov in loops:
         into = np.einsum("poif,fi->pof", slopes, over[:, :, j])
         by_c = [
-            2 * np.einsum("pof,fo,f->p", into, (seen if out else h)[:, of], np.exp(-turn * lag)).real
-            for out, of, lag in whose
+            2 * np.einsum("pof,fo,f->p", into, by[kind][:, of], np.exp(-turn * lag)).real
+            for kind, of, lag in whose
         ]
         spread += np.array(by_c).T @ cov @ np.array(by_c)
     return pull, spread
 
 
-def _loop(
-    fit: Estimates, k: int, j: int, led: list[int]
-) -> tuple[list[tuple[bool, int, int]], F64, F64] | None:
+Loop = tuple[list[tuple[str, int, int]], F64, F64]
+
+
+def _loop(fit: Estimates, k: int, j: int, led: list[int], e: F64) -> Loop | None:
     """Regression of an input on its past, on that of the others of `led`, and on the outputs.
 
-    Columns as (whether of an output, which, lag), their coefficients and the covariance of these; None where
-    the columns are dependent, or half as many as the samples.
+    On their residuals `e` instead where these explain it far better: there the noise alone comes back.
+    Columns as (signal, which, lag), their coefficients and the covariance of these; None where the columns
+    are dependent, or half as many as the samples.
     """
     assert fit.records is not None
     rec = fit.records[k]
     u, y = (part[:, rec.intervals - fit.intervals[k] : -1][:, :LONGEST] for part in (rec.u, rec.y))
-    whose = [(False, i, lag) for i in led for lag in range(1, (PAST if i == j else LAGS) + 1)]
-    whose += [(True, i, lag) for i in range(len(y)) for lag in _lags(fit, j)]
     size = u.shape[1] - PAST
-    columns = [(y if out else u)[i, PAST - lag :][:size] for out, i, lag in whose]
-    rows = np.array([*columns, u[j, PAST:]])
-    freedom = size - len(rows)
-    factor, sizes = _factor(rows - rows.mean(axis=1, keepdims=True))
-    if factor is None or freedom < len(rows):
-        return None
-    inverse = np.linalg.inv(factor[:-1, :-1].T) / sizes[:-1, None]
-    variance = float(factor[-1, -1] * sizes[-1]) ** 2 / freedom
-    return whose, inverse @ factor[-1, :-1] * sizes[-1], variance * inverse @ inverse.T
+    own = [("u", i, lag) for i in led for lag in range(1, (PAST if i == j else LAGS) + 1)]
+    best, found = np.inf, None
+    for kind, seen in (("y", y), ("e", e)):
+        whose = own + [(kind, i, lag) for i in range(len(seen)) for lag in _lags(fit, j)]
+        columns = [(u if one == "u" else seen)[i, PAST - lag :][:size] for one, i, lag in whose]
+        rows = np.array([*columns, u[j, PAST:]])
+        factor, sizes = _factor(rows - rows.mean(axis=1, keepdims=True))
+        freedom = size - len(rows)
+        if factor is None or freedom < len(rows) or len(seen) < len(y):
+            continue
+        if factor[-1, -1] > best * np.exp(-ALONE / size):
+            continue
+        best = float(factor[-1, -1])
+        inverse = np.linalg.inv(factor[:-1, :-1].T) / sizes[:-1, None]
+        variance = (best * float(sizes[-1])) ** 2 / freedom
+        found = whose, inverse @ factor[-1, :-1] * sizes[-1], variance * inverse @ inverse.T
+    return found
 
 
 def _residuals(fit: Estimates, k: int) -> F64:

@@ -35,7 +35,9 @@ def test_equations_and_errors_are_those_of_the_oracle() -> None:
         sd = np.sqrt(np.diag(cov))
         assert np.max(np.abs(fit.params - found) / sd) < 3e-3  # the last round's change
         np.testing.assert_allclose(fit.bse, sd, rtol=0.01)  # by differences of rounds
-        plain = mf.fit(rec, structure, **told)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of the bias of 0.34 standard deviations in the second
+            plain = mf.fit(rec, structure, **told)
         assert np.max(np.abs(plain.params - found) / sd) > 0.03
 
 
