@@ -41,7 +41,7 @@ from .offsets import mean, offset
 from .runaway import runaway
 from .undeclared import undeclared
 from .uneven_noise import of_time
-from .unlike_records import unlike_records
+from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
 
 __all__ = ["check", "warnings_of"]
@@ -67,8 +67,22 @@ def _message(fit: Estimates) -> str:
 def _failed(fit: Estimates) -> str:
     """Why there is no estimate."""
     with np.errstate(all="ignore"):
-        doubt = contradicted_numbers(fit) or runaway(fit)
+        doubt = unlike_records(fit) or contradicted_numbers(fit) or runaway(fit) or one_record(fit)
     return doubt.text if doubt else _message(fit)
+
+
+def one_record(fit: Estimates) -> Doubt | None:
+    """That one record is not explained, in words of its own fit, where the others leave only the noise."""
+    found = unlike_alone(fit)
+    if found is None:
+        return None
+    k, own = found
+    text = next(iter(warnings_of(own)), "") if own is not None else ""
+    if not text:
+        text = "First compare it with a fit of the others, fit.plot_response(rec), or leave it out."
+    return Doubt(
+        f"Record {k} contradicts the model, and the others leave only the noise. {text.removeprefix('fit: ')}"
+    )
 
 
 def fed_back(fit: Estimates) -> Doubt | None:
@@ -109,8 +123,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound, misbegun, unexpected,
-    stored_late, stands_still, in_two_units, unlike_records, contradicted_numbers, missing_input,
+    unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound,
+    misbegun, unexpected, stored_late, stands_still, in_two_units, contradicted_numbers, missing_input,
     late_channel, unexplained, fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
@@ -135,7 +149,7 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())
         note = noise_free(fit)
-        first = (stored_late, unlike_records, contradicted_numbers, missing_input, late_channel)
+        first = (stored_late, unlike_records, one_record, contradicted_numbers, missing_input, late_channel)
         told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):

@@ -30,6 +30,7 @@ __all__ = [
     "best_cure",
     "bic_beside",
     "convincing",
+    "earlier_by",
     "furthest",
     "of_written",
     "offset_of",
@@ -169,7 +170,7 @@ def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
         late = near if held or (near and abs(late - near) < max(2 * error, ALIGNED * step)) else late
         if not late or (name in fit.inputs and late < 0):
             return None
-        words, moved = _earlier_by(records, name, late, whole=late == near)
+        words, moved = earlier_by(records, name, late, whole=late == near)
         made = again(fit, moved, fit.structure, on_band(fit, fit.band))
         if made is None or abs(late) > FURTHEST * min(rec.duration for rec in records):
             return None
@@ -185,7 +186,7 @@ def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
     return Realigned(words, bic_beside(fit, fit), after, level_p(other), found, other)
 
 
-def _earlier_by(
+def earlier_by(
     records: tuple[Record, ...], name: str, late: float, *, whole: bool
 ) -> tuple[str, tuple[Record, ...]]:
     """Records with a channel at its own time, in words and made so.

@@ -21,7 +21,7 @@ from .doubts import Doubt
 from .estimates import Estimates
 from .misfit import suspicious
 
-__all__ = ["contradicted_numbers", "number_beside"]
+__all__ = ["contradicted_numbers", "number_beside", "turned", "unit_of"]
 
 FREED = "freed_"  # names of the parameters in the place of numbers
 SIGMAS = 4.0  # standard errors within which a number agrees
@@ -108,7 +108,7 @@ def _of_scales(numbers: Sequence[Number]) -> Doubt | None:
             scales
             for chosen in combinations(channels, count)
             for scales in _scales(numbers, chosen)
-            if all(_turned(factor) or _unit(factor) for factor in scales.values())
+            if all(turned(factor) or unit_of(factor) for factor in scales.values())
         ]
         if found:
             # Degrees are what people read, and an angle's sign is what they take otherwise.
@@ -181,12 +181,12 @@ def _scales(
             yield dict(zip(chosen, (signs * np.exp(logs)).tolist(), strict=True))
 
 
-def _turned(factor: float) -> bool:
+def turned(factor: float) -> bool:
     """Whether a factor is that of a sign."""
     return abs(factor + 1) < ROUGH
 
 
-def _unit(factor: float) -> tuple[float, str] | None:
+def unit_of(factor: float) -> tuple[float, str] | None:
     """The size and words of a unit."""
     return next((unit for unit in UNITS if abs(log(abs(factor) / unit[0])) < NEAR), None)
 
@@ -196,12 +196,12 @@ def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers:
     seen = max((own for own in numbers if not scales.keys().isdisjoint(own.powers)), key=lambda own: own.off)
     parts, changes = [], []
     for name, factor in scales.items():
-        minus, unit = "-" if factor < 0 else "", _unit(factor)
-        turned = "of the opposite sign" if factor < 0 else ""
+        minus, unit = "-" if factor < 0 else "", unit_of(factor)
+        sign = "of the opposite sign" if factor < 0 else ""
         words = f"{unit[1]}, {unit[0]:.3g} times what the equations need" if unit else ""
-        if not (unit or _turned(factor)):
+        if not (unit or turned(factor)):
             words, unit = f"{abs(factor):.4g} times what the equations need", (abs(factor), "")
-        parts.append(f"{name} seems to be " + " and ".join(filter(None, (turned, words))))
+        parts.append(f"{name} seems to be " + " and ".join(filter(None, (sign, words))))
         size = unit[0] if unit else 1.0
         scaled = "" if size == 1 else f"/{size:.4g}" if size > 1 else f"*{1 / size:.4g}"
         changes.append(f"{name}={minus}rec[{name!r}]{scaled}")

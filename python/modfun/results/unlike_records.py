@@ -1,16 +1,22 @@
-"""Whether the records of one fit agree on its parameters."""
+"""Whether the records of one fit agree on its parameters, and which channel of which record does not."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from ..base.arrays import F64
+from ..errors import ModfunError
+from ..records.record import Record
 from .cures import ENOUGH, again, of_written, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
+from .odd_channels import Change, likeliest_change, told
 
-__all__ = ["unlike_records"]
+__all__ = ["unlike_alone", "unlike_records"]
 
 MOST = 64  # records that are fitted alone
 SHOWN = 2  # parameters
@@ -19,22 +25,31 @@ SHOWN = 2  # parameters
 def unlike_records(fit: Estimates) -> Doubt | None:
     """That records have parameters of their own: each alone leaves only the noise, and all together do not.
 
-    A Wald test of the estimates of each. Where the model is wrong for one record already, or one change of it
-    explains all, records say nothing of parameters.
+    A Wald test of the estimates of each. Where the scale of one channel in some of the records explains it,
+    that is named. Where the model is wrong for every record, or one change of it explains all, records say
+    nothing of parameters.
     """
-    records = fit.records or ()
-    if not 1 < len(records) <= MOST or fit.again is None or not fit.params.size or not level_p(fit) < SURE:
+    each = _alone(fit)
+    right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
+    if not right:
         return None
-    each, options = list[Estimates](), on_band(fit, fit.band)
-    for rec in records:
-        own = again(fit, (rec,), fit.structure, options)
-        if own is None or not own.success or not level_p(own) > ENOUGH / len(records):
-            return None
-        each.append(own)
-    values, errors = (np.array([getattr(own, name) for own in each]) for name in ("params", "bse"))
-    if not np.all(errors > 0) or not (p := _p_value(values, [own.cov_params() for own in each])) < SURE:
+    if len(right) < len(each):
+        found = _of_channels(fit, each, right)
+        return told(fit, found) if found else None
+    fits = [own for own in each if own is not None]
+    values, errors = (np.array([getattr(own, name) for own in fits]) for name in ("params", "bse"))
+    covs = [own.cov_params() for own in fits]
+    if not np.all(errors > 0) or not (p := _p_value(values, covs)) < SURE:
         return None
-    cure = None if fit.layout.rational else of_written(fit, first_only=True)
+    for k in right:
+        others = [j for j in right if j != k]
+        if len(others) > 1 and not _p_value(values[others], [covs[j] for j in others]) > ENOUGH:
+            continue
+        found = _of_channels(fit, each, others)
+        # Of two records the one with the larger numbers is named.
+        if found and not (len(others) == 1 and k == 0 and found[0].size < 1):
+            return told(fit, found)
+    cure = of_written(fit, first_only=True) if fit.usable and not fit.layout.rational else None
     if cure is not None and cure.level_p > ENOUGH:
         return None
     return Doubt(
@@ -44,7 +59,75 @@ def unlike_records(fit: Estimates) -> Doubt | None:
     )
 
 
-def _p_value(values: F64, covs: list[F64]) -> float:
+def _alone(fit: Estimates) -> list[Estimates | None]:
+    """A fit of each record of a list that fails or leaves more than noise; none where neither is so.
+
+    None where a record allows no fit.
+    """
+    records = fit.records or ()
+    if not 1 < len(records) <= MOST or fit.again is None or not fit.params.size:
+        return []
+    if fit.usable and fit.success and not level_p(fit) < SURE:
+        return []
+    kept: dict[str, Any] = fit.__dict__  # several looks ask
+    if "_alone" not in kept:
+        kept["_alone"] = [_made(fit, (rec,)) for rec in records]
+    found: list[Estimates | None] = kept["_alone"]
+    return found
+
+
+def unlike_alone(fit: Estimates) -> tuple[int, Estimates | None] | None:
+    """The first record, with its own fit, of those without which a list leaves only the noise."""
+    each = _alone(fit)
+    right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
+    if not len(each) / 2 < len(right) < len(each):
+        return None
+    if _of_right(fit, right) is None:
+        return None
+    k = min({*range(len(each))} - {*right})
+    return k, each[k]
+
+
+def _of_right(fit: Estimates, right: Sequence[int]) -> Estimates | None:
+    """The fit of these records, where it leaves only the noise."""
+    records = fit.records or ()
+    found = again(fit, tuple([records[k] for k in right]), fit.structure, fit.options)
+    return found if found is not None and _right(found) else None
+
+
+def _made(fit: Estimates, records: tuple[Record, ...]) -> Estimates | None:
+    assert fit.again is not None
+    options = on_band(fit, fit.band) if fit.usable else fit.options
+    try:
+        made: Estimates = fit.again(records, fit.structure, options)
+    except ModfunError:
+        return None
+    return made
+
+
+def _right(fit: Estimates, count: int = 1) -> bool:
+    """Whether a fit leaves only the noise."""
+    return fit.usable and fit.success and level_p(fit) > ENOUGH / count
+
+
+def _of_channels(fit: Estimates, each: Sequence[Estimates | None], right: Sequence[int]) -> list[Change]:
+    """The change of a channel in every record but the right ones with which only the noise is left of all."""
+    records = fit.records or ()
+    base = _of_right(fit, right)
+    if base is None:
+        return []
+    changed, found = list(records), list[Change]()
+    for k in sorted({*range(len(records))} - {*right}):
+        change = likeliest_change(base, records[k], k)
+        if change is None:
+            return []
+        changed[k] = change.undone(records[k])
+        found.append(change)
+    whole = again(fit, tuple(changed), fit.structure, fit.options)
+    return found if whole is not None and _right(whole) else []
+
+
+def _p_value(values: F64, covs: Sequence[F64]) -> float:
     """Wald test that all have the same parameters, in units of their errors."""
     from scipy.special import chdtrc
 
