@@ -12,7 +12,7 @@ from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import angle_of
-from .dead_band import FROZEN, dead_band, frozen
+from .dead_band import FROZEN, dead_band, dropouts, frozen
 from .joints import joints
 from .mask import runs
 from .samples import Samples
@@ -21,6 +21,8 @@ from .spectra import noise_table, spectrum_of
 __all__ = ["check_record", "frozen_samples", "mixed_angles", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
+SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
+TIMES = 3  # that are said
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
 
@@ -56,6 +58,7 @@ def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
             yield from (("between", name, text) for text in _doubtful(record, name, record._seen[name]))
         if _measured(record, name, form):
             yield from (("frozen", name, text) for text in frozen_samples(record, name))
+            yield from (("dropouts", name, text) for text in _dropouts(record, name))
             yield from (("code", name, text) for text in _codes(record, name))
             yield from (("clipped", name, text) for text in _clipped(record, name))
 
@@ -339,7 +342,7 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
             "the stored values."
         )
         return
-    if found := list(frozen_samples(record, name)):
+    if found := [*frozen_samples(record, name), *_dropouts(record, name)]:
         yield from found
         return
     good = record._good(name)
@@ -371,6 +374,32 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     )
 
 
+def _dropouts(record: Samples, name: str) -> Iterator[str]:
+    """Say that a channel drops to 0 or keeps its last value for a few samples, several times."""
+    found = dropouts(record[name], record._good(name))
+    if found is None:
+        return
+    starts, lengths, zeros = found
+    kept = f"rec[{name!r}] != 0" if zeros else f"np.r_[True, np.diff(rec[{name!r}]) != 0]"
+    cure = f"leave them out, rec.weigh(mask={kept})"
+    if name in record.inputs:
+        still = zeros and np.count_nonzero(record[name] == 0) > lengths.sum()  # at rest, too
+        cure = "fill them in from the samples beside them"
+        if not still:
+            cure += f", k = {kept} and rec.assign({name}=np.interp(rec.t, rec.t[k], rec[{name!r}][k]))"
+    what = "exactly 0" if zeros else "equal to the one before, and others never are"
+    yield (
+        f"{_kind(record, name)} {name!r} drops out {starts.size} times: {int((lengths - (not zeros)).sum())} "
+        f"samples, from t = {_first_times(record, starts)} s on, are {what}. First {cure}."
+    )
+
+
+def _first_times(record: Samples, places: NDArray[np.intp]) -> str:
+    """The first times of these samples, in words."""
+    shown = ", ".join([f"{time:.6g}" for time in record.t[places[:TIMES]]])
+    return f"{shown}, …" if places.size > TIMES else shown
+
+
 def _outliers(record: Samples, name: str) -> Iterator[str]:
     """Find single samples that stick out of their neighbours: a step has two equal bends, a spike one."""
     values = record[name]
@@ -379,12 +408,13 @@ def _outliers(record: Samples, name: str) -> Iterator[str]:
     beside = np.maximum(np.append(bend[1:], 0.0), np.insert(bend[:-1], 0, 0.0))
     limit = max(10 * usual, 0.5 * float(values.std()))
     found = np.flatnonzero((bend > limit) & (bend > 1.5 * beside)) + 1
-    if 0 < found.size <= 0.02 * len(values) + 1:
+    if 0 < found.size <= SPIKES * len(values) + 1:
         first = found[0]
+        then = f", then at t = {_first_times(record, found[1:])} s" if found.size > 1 else ""
         yield (
             f"{_kind(record, name)} {name!r} has {_count(found.size, 'outlying sample')}, the first at t = "
             f"{record.t[first]:g} s ({values[first]:.4g} between {values[first - 1]:.4g} and "
-            f"{values[first + 1]:.4g})."
+            f"{values[first + 1]:.4g}){then}."
         )
 
 

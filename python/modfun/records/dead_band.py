@@ -1,19 +1,25 @@
-"""Outputs that stand still: stored with a dead band, or frozen for a while."""
+"""Channels that stand still: stored with a dead band, frozen for a while, or dropping out."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from .mask import runs
 
-__all__ = ["FROZEN", "dead_band", "frozen"]
+__all__ = ["FROZEN", "dead_band", "dropouts", "frozen"]
 
 REPEATED = 0.3  # of the samples, at least
 CHANGES = 10  # at least
 LEAST = 0.5  # of the median change: noise and motion go beyond the dead band, rarely far
 FROZEN = 5  # equal samples, at least, of a channel that
 RARELY = 0.005  # of the other samples repeat the one before
+SHORT = 10  # equal samples, at most, of a dropout
+SEVERAL = 2  # dropouts, at least
+MANY = 0.1  # of the samples repeat the one before: of more, rest and coarse steps are likelier
+CHANCE = 1e-4  # repeats that rounding explains
+JUMP = 10.0  # usual second differences: into a dropout of one value and out of it
 GRID = 0.02  # of the least change: how near changes are to its multiples where values are rounded
 
 
@@ -48,3 +54,30 @@ def frozen(values: F64) -> tuple[int, int] | None:
     at = int(np.argmax(np.where(rest, lengths, 0)))
     others = int(lengths.sum() - lengths[at]) / same.size
     return (int(starts[at]), int(lengths[at]) + 1) if lengths[at] + 1 >= FROZEN and others < RARELY else None
+
+
+def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], bool] | None:
+    """First sample and number of each run of equal ones that is no chance, and whether all are zeros.
+
+    Zeros beside jumps, or the last value again in a channel that is too fine to repeat one; None without.
+    """
+    same = (values[1:] == values[:-1]) & good[1:] & good[:-1]
+    if not same.any() or same.mean() > MANY:
+        return None
+    starts, lengths = runs(same)
+    inside = (starts > 0) & (starts + lengths < same.size)
+    starts, lengths = starts[inside], lengths[inside] + 1
+    rests, short = bool((lengths > SHORT).any()), lengths <= SHORT
+    starts, lengths = starts[short], lengths[short]
+    if starts.size < SEVERAL:
+        return None
+    usual = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) + 1e-9 * float(np.ptp(values))
+    ends = starts + lengths - 1
+    into, out = np.abs(values[starts] - values[starts - 1]), np.abs(values[ends + 1] - values[ends])
+    change = np.abs(np.diff(values))
+    part = float(np.diff(np.unique(values)).min()) / float(np.median(change[change > 0]))
+    rare = (values.size * part ** (lengths - 1.0) < CHANCE) & (not rests)
+    zeros = values[starts] == 0
+    if np.count_nonzero(zeros & (rare | (np.minimum(into, out) > JUMP * usual))) >= SEVERAL:
+        return starts[zeros], lengths[zeros], True
+    return (starts[rare], lengths[rare], False) if rare.sum() >= SEVERAL else None

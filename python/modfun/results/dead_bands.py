@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..records.check import frozen_samples
+from ..records.check import remarks_for_fits
 from ..records.dead_band import dead_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
@@ -29,9 +29,9 @@ def stored_late(fit: Estimates) -> Doubt | None:
 
 
 def stands_still(fit: Estimates) -> Doubt | None:
-    """That an output stood still while it moved before and after."""
+    """That an output stood still while it moved before and after, or that a channel dropped out."""
     for k, rec in enumerate(fit.records or ()):
-        for name in rec.outputs:
-            for text in frozen_samples(rec, name):
+        for kind, channel, text in remarks_for_fits(rec):
+            if kind == "dropouts" or (kind == "frozen" and channel in rec.outputs):
                 return Doubt(text if k == 0 else f"Record {k}: {text}")
     return None

@@ -87,3 +87,41 @@ def test_rest_rounding_and_clean_records_are_not_frozen():
     assert frozen(np.r_[y, np.full(50, y[-1])]) is None
     assert frozen(np.r_[y[:300], np.full(4, y[300]), y[304:]]) is None
     assert frozen(np.r_[y[:300], np.full(5, y[300]), y[305:]]) == (300, 5)
+
+
+def dropped(rec: mf.Record, name: str, seed: int, *, zero: bool) -> mf.Record:
+    """Eight runs of two to five samples that are 0, or equal to the one before."""
+    rng, values = np.random.default_rng(seed), rec[name].copy()
+    for at in rng.choice(np.arange(64, values.size - 40, 12), 8, replace=False):
+        values[at : at + rng.integers(2, 6)] = 0.0 if zero else values[at - 1]
+    return rec.assign(**{name: values})
+
+
+@pytest.mark.parametrize("zero", [True, False])
+@pytest.mark.parametrize("name", ["alpha", "q", "de"])
+def test_dropouts_are_named_with_their_times(name: str, zero: bool) -> None:
+    for seed in range(1, 5):
+        rec = dropped(flights.flown(seed), name, seed, zero=zero)
+        (text,) = [one for one in rec.check() if "drops out" in one]
+        assert f"{name!r} drops out 8 times" in text
+        assert ("exactly 0" if zero else "equal to the one before") in text
+    assert text in flights.warned(rec, flights.SHORT)[1]
+
+
+def test_records_without_dropouts_have_none() -> None:
+    """Rounded to a tenth of the noise and coarser, clean, and at rest between doublets."""
+    for seed in range(10):
+        rec = flights.flown(seed)
+        for step in (0.0, 1e-4, 1e-3):
+            rows = {name: np.round(rec[name] / step) * step if step else rec[name] for name in rec.outputs}
+            assert not any("drops out" in one for one in rec.assign(**rows).check())
+        assert not any("drops out" in one for one in flights.flown(seed, nsr=0.0).check())
+
+
+def test_twenty_spikes_are_counted_with_their_first_times() -> None:
+    rec = flights.flown(0)
+    values = rec["alpha"].copy()
+    values[20::40] += 0.1
+    (text,) = [one for one in rec.assign(alpha=values).check() if one.startswith("Output 'alpha' has")]
+    assert "20 outlying samples, the first at t = 0.4 s" in text
+    assert text.endswith("then at t = 1.2, 2, 2.8, … s.")
