@@ -1,12 +1,18 @@
-"""Attributes computed once, without the lock that functools.cached_property has until Python 3.12."""
+"""Attributes, and answers about an object, computed once.
+
+Without the lock that functools.cached_property has until Python 3.12.
+"""
 
 from __future__ import annotations
 
 import functools
 import sys
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeVar
 
-__all__ = ["cached_property"]
+__all__ = ["cached_property", "kept"]
+
+Asked = TypeVar("Asked", bound=Callable[[Any], Any])
 
 if TYPE_CHECKING or sys.version_info >= (3, 12):
     cached_property = functools.cached_property
@@ -24,3 +30,17 @@ else:
                 return self
             value = self.func(instance)
             return instance.__dict__.setdefault(self.attrname, value)
+
+
+def kept(question: Asked) -> Asked:
+    """A function of one object that is computed once: its answer stays with the object."""
+    name = f"_{question.__module__}.{question.__name__}"
+
+    @functools.wraps(question)
+    def answer(of: Any) -> Any:
+        own = of.__dict__
+        if name not in own:
+            own[name] = question(of)
+        return own[name]
+
+    return answer  # type: ignore[return-value]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from math import inf, isfinite, log, pi
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.between import BY_FIT, MIXED
+from ..base.cached import kept
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.options import Options
@@ -19,11 +20,13 @@ from .diagnosis import growth, level_p
 from .estimates import Estimates
 from .neighbours import EXTRA, neighbours, with_offset
 from .shifts import Shift, likeliest_shift
+from .worth import Key, worth
 
 __all__ = [
     "CLOSE",
     "DRIFT",
     "ENOUGH",
+    "WORTH",
     "Cure",
     "Realigned",
     "again",
@@ -32,6 +35,7 @@ __all__ = [
     "convincing",
     "earlier_by",
     "furthest",
+    "likely_cure",
     "of_written",
     "offset_of",
     "on_band",
@@ -53,6 +57,7 @@ SUREST = 1e-4  # p-value of the level of residuals below which shifts further aw
 FAR = (2, 4, 8, -2, -4, -8)  # these, in samples
 FURTHEST = 0.05  # of the record
 ALIGNED = 0.1  # samples from whole ones, which are exact
+MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so much of the best one's worth
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -102,41 +107,89 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     return found
 
 
-def of_written(fit: Estimates, *, first_only: bool = False) -> Cure | None:
-    """The same of equations and state spaces: one parameter more, a drift of each equation, or a shift.
-
-    `first_only`: missing terms, of which there are many, are not tried.
-    """
-    if fit.again is None or fit.records is None or fit.layout.rational or fit.process_levels is not None:
+@kept
+def likely_cure(fit: Estimates) -> Cure | None:
+    """The same of equations and state spaces: a drift of each equation, a shift, a sensor or an actuator."""
+    if not _alterable(fit):
         return None
-    before, options = bic_beside(fit, fit), on_band(fit, fit.band)
-    found = with_drift(fit) if fit.trend == "constant" else None
+    before = bic_beside(fit, fit)
+    drifts = fit.trend == "constant" and worth(fit).get(("drift",), inf) > CLOSE
+    found = with_drift(fit) if drifts else None
     if found is not None and not found.after < before - WORTH:
         found = None
     moved = realigned(fit)
     if moved is not None and moved.after < (found.after - CLOSE if found else before - WORTH):
         found = moved
-    for group in neighbours(fit)[: 1 if first_only else None]:
-        best = found.after - CLOSE if found else before - WORTH
-        for words, structure in group:
-            other = again(fit, fit.records, structure, options)
-            if other is None or EXTRA in other.at_bound:
-                continue
-            after = bic_beside(other, fit)
-            # Off the centre of gravity is a likelier place than a time off all the others.
-            lever = moved is not None and moved is found and words.startswith("lever")
-            bar = moved.after + CLOSE if moved and lever else best
-            if not (isfinite(after) and after < bar) or _odd_time(fit, words, other[EXTRA]):
-                continue
-            if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
-                continue
-            found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
-            best = after
-        if found is not None and found.level_p > ENOUGH:
-            break
+    return _of_group(fit, next(iter(neighbours(fit)), ()), found, moved)
+
+
+@kept
+def of_written(fit: Estimates) -> Cure | None:
+    """The same, or one of the many terms that may be missing, where none of these leaves the noise alone."""
+    if not _alterable(fit):
+        return None
+    found = likely_cure(fit)
+    # A regression may say that a term explains more than what seems to leave the noise alone.
+    expected = max((fall for key, fall in worth(fit).items() if key[0] == "term"), default=0.0)
+    if found and found.level_p > ENOUGH and not found.before - expected < found.after - WORTH:
+        return found
+    term = _missing_term(fit)
+    if term and not (found and term.after >= found.after - CLOSE):
+        found = term
+    for group in neighbours(fit)[2:]:
+        if found is None or not found.level_p > ENOUGH:
+            found = _of_group(fit, group, found)
     return found
 
 
+@kept
+def _missing_term(fit: Estimates) -> Cure | None:
+    """The term that lowers BIC most."""
+    return _of_group(fit, next(iter(neighbours(fit)[1:]), ()), None)
+
+
+def _alterable(fit: Estimates) -> bool:
+    """Whether other equations may be fitted to the records."""
+    made = fit.again is not None and fit.records is not None
+    return made and not fit.layout.rational and fit.process_levels is None
+
+
+def _of_group(
+    fit: Estimates,
+    group: Iterable[tuple[str, Any, Key]],
+    found: Cure | None,
+    moved: Realigned | None = None,
+) -> Cure | None:
+    """The change of a group that lowers BIC most, or what was found before."""
+    before, options = bic_beside(fit, fit), on_band(fit, fit.band)
+    best = found.after - CLOSE if found else before - WORTH
+    for words, structure in _worthwhile(fit, group):
+        other = again(fit, fit.records, structure, options)
+        if other is None or EXTRA in other.at_bound:
+            continue
+        after = bic_beside(other, fit)
+        # Off the centre of gravity is a likelier place than a time off all the others.
+        lever = moved is not None and moved is found and words.startswith("lever")
+        bar = moved.after + CLOSE if moved and lever else best
+        if not (isfinite(after) and after < bar) or _odd_time(fit, words, other[EXTRA]):
+            continue
+        if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
+            continue
+        found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
+        best = after
+    return found
+
+
+def _worthwhile(fit: Estimates, group: Iterable[tuple[str, Any, Key]]) -> Iterator[tuple[str, Any]]:
+    """Those changes of a group that a regression finds worth a fit, or says nothing of."""
+    every, falls = list(group), worth(fit)
+    told = sorted({falls[key] for _, _, key in every if key in falls}, reverse=True)[:MOST]
+    for words, structure, key in every:
+        if key not in falls or falls[key] >= max(told[-1], told[0] * NEAR, CLOSE):
+            yield words, structure
+
+
+@kept
 def realigned(fit: Estimates) -> Realigned | None:
     """The fit with the channel that is likeliest late or early read at its time; None where none is.
 
@@ -150,6 +203,9 @@ def realigned(fit: Estimates) -> Realigned | None:
         return None
     found = _read_at(fit, shift, shift.late)
     if not refuted or (found and found.level_p > ENOUGH):
+        return found
+    term = _missing_term(fit) if worth(fit) else None
+    if term and term.level_p > ENOUGH:
         return found
     # Far from its time the first step of the search may go anywhere.
     steps = [k * (records[0].dt or inf) for k in FAR if k > 0 or shift.channel in fit.outputs]
@@ -228,7 +284,7 @@ def offset_of(fit: Estimates, other: float) -> str:
     if fit.again is None or fit.records is None:
         return ""
     words, best, before = "", other - CLOSE, bic_beside(fit, fit)
-    for x, structure in with_offset(fit.structure):
+    for x, structure, _ in with_offset(fit.structure):
         made = again(fit, fit.records, structure, on_band(fit, fit.band))
         if made is not None and (after := bic_beside(made, fit)) < best:
             best = after
@@ -240,6 +296,7 @@ def offset_of(fit: Estimates, other: float) -> str:
     return words
 
 
+@kept
 def with_drift(fit: Estimates) -> Cure | None:
     """A drift of the output beside the constant."""
     if fit.again is None or fit.records is None:

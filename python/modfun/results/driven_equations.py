@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import C128, F64
+from ..base.cached import kept
 from ..equations.equation import Equation
 from ..equations.matrices import state_of
 from ..equations.state_space import StateSpace
@@ -31,6 +32,7 @@ ROUNDS = 3  # of weights
 SURELY = 40.0  # of BIC: of 84 sets of records with coloured sensors none came to 29
 
 
+@kept
 def driven(fit: Estimates) -> Cure | None:
     """Noise that drives the equations, where sensors of any colour explain residuals worse beyond doubt.
 
@@ -38,13 +40,6 @@ def driven(fit: Estimates) -> Cure | None:
     noise is white, of first order, or of several outputs of any level in each of some bins of frequency, from
     residuals of a fit that follows such noise.
     """
-    if "_driven" not in fit.__dict__:  # two looks ask
-        fit.__dict__["_driven"] = _driven(fit)
-    found: Cure | None = fit.__dict__["_driven"]
-    return found
-
-
-def _driven(fit: Estimates) -> Cure | None:
     if fit.layout.rational or fit.options.noise != "output" or fit.again is None or not fit.records:
         return None
     options = on_band(fit, wide_band(fit))

@@ -15,11 +15,12 @@ from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
-from .cures import CLOSE, ENOUGH, Cure, Realigned, again, bic_beside, convincing, of_written, on_band
+from .cures import CLOSE, ENOUGH, WORTH, Cure, Realigned, again, bic_beside, convincing, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import Doubt
 from .estimates import Estimates
 from .misfit import suspicious
+from .worth import worth
 
 __all__ = ["contradicted_numbers", "number_beside", "turned", "unit_of"]
 
@@ -80,6 +81,9 @@ def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
         return None
     if fit.usable and fit.success and not suspicious(fit):
         return None
+    falls = worth(fit) if fit.usable else {}
+    if max(falls.values(), default=0.0) > max(falls.get(("numbers",), inf) + WORTH, WORTH):
+        return None  # one change explains more than all numbers
     made = _freed(fit.structure)
     if made is None:
         return None
@@ -123,7 +127,10 @@ def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | No
     if not (cure.level_p > ENOUGH and worst.off > SIGMAS):
         return None
     after = _named_alone(fit, numbers, cure)
-    beside = of_written(fit, first_only=True) if fit.usable else None
+    falls = worth(fit) if fit.usable else {}
+    others = [fall for key, fall in falls.items() if key[0] in ("shift", "drift")]
+    alone = falls.get(("numbers",), -inf) > max(others, default=inf) + WORTH
+    beside = likely_cure(fit) if fit.usable and not alone else None
     # A time that all samples share is likelier than a scale factor that looks like it.
     if beside is not None and beside.after < after + CLOSE * isinstance(beside, Realigned):
         return None

@@ -10,6 +10,7 @@ from .cures import (
     again,
     bic_beside,
     furthest,
+    likely_cure,
     of_written,
     on_band,
     otherwise,
@@ -41,7 +42,7 @@ def late_channel(fit: Estimates) -> Doubt | None:
     if word and (found := _declared(fit, shift.channel, word)) is not None:
         return Doubt(_told(fit, shift) + _first(found), sure)
     # A lever, a lag or a term may look like a shift, and explain more.
-    cure = of_written(fit, first_only=not level_p(fit) < SURE) if sure else None
+    cure = (of_written if level_p(fit) < SURE else likely_cure)(fit) if sure else None
     if cure is None:
         cure = realigned(fit)
     if cure is not None and sure and level_p(fit) < SURE and not cure.level_p > ENOUGH and driven(fit):

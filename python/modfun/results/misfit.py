@@ -6,6 +6,7 @@ from math import isnan
 
 from .._core import sharpest
 from ..base.between import MIXED
+from ..base.cached import kept
 from ..models.noise import Noise
 from .cures import (
     DRIFT,
@@ -15,6 +16,7 @@ from .cures import (
     again,
     best_cure,
     convincing,
+    likely_cure,
     of_written,
     on_band,
     with_drift,
@@ -26,6 +28,7 @@ from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
 from .origin import gain_of_colour, gain_of_process, hum, origin
+from .worth import worth
 
 __all__ = [
     "UNLIKELY",
@@ -58,15 +61,9 @@ def misfit(fit: Estimates) -> Doubt | None:
     return next((doubt for doubt in found if doubt and doubt.sure), None)
 
 
+@kept
 def suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
-    kept = fit.__dict__.get("_suspicious")  # several looks ask
-    if kept is None:
-        kept = fit.__dict__["_suspicious"] = _odd(fit)
-    return bool(kept)
-
-
-def _odd(fit: Estimates) -> bool:
     level = level_p(fit)
     if (
         level < (LOOK if fit.layout.rational else _plausible(fit)) or level > 1 - LOOK
@@ -290,12 +287,17 @@ def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Dou
     """
     # Terms, of which there are many, are for `check`, unless one equation is refuted.
     few = sure_only and (len(fit.row_names) > 1 or not d.chi2_p < SURE)
-    cure = of_written(fit, first_only=few)
+    cure = likely_cure(fit) if few else of_written(fit)
+    beyond = d.chi2_p < SURE
+    driving = beyond and not (cure and cure.level_p > ENOUGH)
+    # A term that leaves the noise alone comes before noise that drives; regressions find it sooner than fits.
+    if few and beyond and (worth(fit) or (driving and driven(fit))):
+        term = of_written(fit)
+        if term and term.level_p > ENOUGH:
+            return [_lacking(fit, term)]
     said = [_lacking(fit, cure)] if cure else []
-    if d.chi2_p < SURE and not (cure and cure.level_p > ENOUGH) and (noise := driven(fit)) is not None:
-        term = of_written(fit) if few else None
-        settled = term is not None and term.level_p > ENOUGH
-        said.append(_lacking(fit, term) if term and settled else _driving(fit, d, noise))
+    if driving and (noise := driven(fit)) is not None:
+        said.append(_driving(fit, d, noise))
     return said
 
 

@@ -14,6 +14,7 @@ from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
 from .estimates import Estimates
+from .worth import Key
 
 __all__ = ["EXTRA", "neighbours", "with_offset"]
 
@@ -22,13 +23,14 @@ ZERO = "extra_zero"  # and of another beside it
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
 
-Changed = Iterator[tuple[str, Any]]
+Changed = Iterator[tuple[str, Any, Key]]
 
 
 def neighbours(fit: Estimates) -> tuple[Changed, ...]:
-    """Changes in words, `{}` for the value of the parameter that they add, with the structure.
+    """Changes in words, `{}` for the value of the parameter that they add, with the structure and its key.
 
-    The more likely ones first: sensors and actuators, then terms, then two of them.
+    The more likely ones first: sensors and actuators, then terms, then two of them. By its key `worth` knows
+    a change of a state space; others have none.
     """
     model = fit.structure
     if not isinstance(model, StateSpace | Equation) or EXTRA in (*model.all_parameters, *model.outputs):
@@ -53,16 +55,16 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
         words = f"a lag of the sensor of {y} ({{}} s), as a state: {y}_sensor' = ({y} - {y}_sensor)/lag"
         if len(model.outputs) == 1:
             words += ", or, where it is known, mf.through(rec, sensor=mf.tf([1], [lag, 1]))"
-        yield words, _sensor(fit, model, i)
+        yield words, _sensor(fit, model, i), ("late", y)
     for k, u in enumerate(model.inputs):
-        yield f"a lag of the actuator of {u} ({{}} s), as a state", _actuator(fit, model, k)
+        yield f"a lag of the actuator of {u} ({{}} s), as a state", _actuator(fit, model, k), ("late", u)
         if model.delay[k] == 0:
             late = [EXTRA if j == k else own for j, own in enumerate(model.delay)]
             shown = "h" if len(late) == 1 else [("h" if one == EXTRA else one) for one in late]
             words = (
                 f"a delay of {u}, delay={shown!r} and params={{'h': mf.Free(min=0, max=...)}} (h = {{}} s)"
             )
-            yield words, model._like(delay=late, params=_more(model, _delay(fit)))
+            yield words, model._like(delay=late, params=_more(model, _delay(fit))), ("late", u)
     for i, y in enumerate(model.outputs):
         if state_of(model.C[i], model.D[i]) is not None:
             continue  # a measured state is no accelerometer
@@ -73,7 +75,7 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
             words = (
                 f"lever*{x}' in the output {y} (lever = {{}}), as of a sensor away from the reference point"
             )
-            yield words, model._like(C=c, D=d, params=_more(model, Free()))
+            yield words, model._like(C=c, D=d, params=_more(model, Free())), ()
 
 
 def _entries(model: StateSpace) -> Changed:
@@ -88,7 +90,8 @@ def _entries(model: StateSpace) -> Changed:
                     matrix[i][j] = EXTRA
                     target = row if name == "D" else f"{row}'"
                     words = f"a term in {column} in the equation of {target} (coefficient {{}})"
-                    yield words, model._like(**{name: matrix}, params=_more(model, Free()))
+                    made = model._like(**{name: matrix}, params=_more(model, Free()))
+                    yield words, made, () if name == "D" else ("term", row, column)
 
 
 def _sensor(fit: Estimates, model: StateSpace, i: int) -> StateSpace:
@@ -140,8 +143,8 @@ def _shifts(fit: Estimates, model: Equation) -> Changed:
 def _offsets(model: Equation) -> Changed:
     """Where equations are linear, a constant says the same."""
     if not model.linear:
-        for x, structure in with_offset(model):
-            yield f"an offset of {x}, ({x} - c) in its place (c = {{}})", structure
+        for x, structure, key in with_offset(model):
+            yield f"an offset of {x}, ({x} - c) in its place (c = {{}})", structure, key
 
 
 def _terms(model: Equation) -> Changed:
@@ -187,7 +190,7 @@ def _tried(
         made = model._like(text=texts, params=_more(model, extra) | (more or {}))
     except ModfunError:
         return
-    yield words, made
+    yield words, made, ()
 
 
 def _replaced(model: Equation, name: str, text: str) -> list[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.cached import kept
 from ..equations.equation import Equation
 from ..errors import ModfunError
 from .cures import again, bic_beside, on_band
@@ -22,6 +23,7 @@ __all__ = ["runaway"]
 VAGUE = 0.4  # standard error over estimate, from which a parameter may be anything beyond it
 
 
+@kept
 def runaway(fit: Estimates) -> Doubt | None:
     """That a parameter inside a function ran off, and the limit without it fits as well."""
     model = fit.structure
@@ -32,12 +34,7 @@ def runaway(fit: Estimates) -> Doubt | None:
         vague = np.sqrt(np.diag(fit.cov_nonrobust)) > VAGUE * np.abs(fit.params)
     if not np.all(np.isfinite(fit.params)) or not (np.any(vague) or not fit.success):
         return None
-    kept: dict[str, Any] = fit.__dict__  # the warning and the check ask for the same
-    if "_runaway" not in kept:
-        names = [name for name, on in zip(fit.param_names, vague, strict=True) if on]
-        kept["_runaway"] = _found(fit, model, names)
-    found: Doubt | None = kept["_runaway"]
-    return found
+    return _found(fit, model, [name for name, on in zip(fit.param_names, vague, strict=True) if on])
 
 
 def _found(fit: Estimates, model: Equation, vague: Sequence[str]) -> Doubt | None:

@@ -16,7 +16,7 @@ from ..records.corners import driving
 from ..records.record import Record
 from .estimates import Estimates
 
-__all__ = ["Shift", "likeliest_shift", "output_lines"]
+__all__ = ["Shift", "likeliest_shift", "lines_beside", "output_lines"]
 
 ASKED = 0.01  # p-value in white noise below which the noise's colour is looked at
 FINE = 40  # samples per period of the highest line, beyond which kinks of held inputs are below the noise
@@ -82,7 +82,7 @@ def likeliest_shift(fit: Estimates, channel: str = "") -> Shift | None:
     record add, one channel at a time. For derivatives outputs stand without their residuals, which are noise.
     """
     channels = [*fit.outputs, *fit.inputs]
-    if len(channels) < 2 or not _testable(fit):
+    if len(channels) < 2 or not (_testable(fit) and _straight(fit)):
         return None
     model = _linear(fit)
     if model is None:
@@ -154,7 +154,6 @@ def _testable(fit: Estimates) -> bool:
         and len(records) == len(fit.lines) > 0
         and all([rec.dt is not None and rec.mask is None and rec.sigma is None for rec in records])
         and all([level > 0 for level in fit.noise_cov.diagonal().tolist()])
-        and (bool(_unfolded(fit)) or not _kinked(fit))
     )
 
 
@@ -164,11 +163,13 @@ def _unfolded(fit: Any) -> tuple[Record, ...]:
     return found
 
 
-def _kinked(fit: Estimates) -> bool:
-    """Whether held inputs, or ones known at all times, put kinks into outputs between their samples."""
+def _straight(fit: Estimates) -> bool:
+    """Whether no held inputs, or ones known at all times, leave kinks in outputs between their samples."""
+    if _unfolded(fit):
+        return True
     step = max([rec.dt or 0.0 for rec in fit.records or ()])
     held = any([rec.functions or "zoh" in rec.intersample for rec in fit.records or ()])
-    return held and fit.band[1] * step * FINE > 2 * np.pi
+    return not (held and fit.band[1] * step * FINE > 2 * np.pi)
 
 
 def _linear(fit: Estimates) -> _Linear | None:
@@ -322,7 +323,7 @@ def output_lines(fit: Estimates) -> list[tuple[C128, C128]] | None:
 
     None where equations are not linear, or singular.
     """
-    model = _linear(fit) if len(fit.outputs) and _testable(fit) else None
+    model = _linear(fit) if len(fit.outputs) and _testable(fit) and _straight(fit) else None
     found = []
     for k in range(len(fit.lines) if model else 0):
         assert model is not None
@@ -334,6 +335,42 @@ def output_lines(fit: Estimates) -> list[tuple[C128, C128]] | None:
             return None
         found.append(((inverse * e).sum(axis=1), _ends(fit, inverse, shapes)))
     return found or None
+
+
+def lines_beside(fit: Estimates, terms: Sequence[tuple[str, str]]) -> list[tuple[C128, C128, C128]] | None:
+    """Residuals of the outputs of each record, (output, line), columns of changes, and what its ends add.
+
+    Columns are (change, output, line): of the parameters, of how late each channel was recorded, of a drift
+    of each equation, and for each of `terms` of a channel in the equation of an output's rate. None where
+    equations are not linear, or singular. Kinks of held inputs are left in them.
+    """
+    model = _linear(fit) if _testable(fit) else None
+    if model is None:
+        return None
+    channels, places = [*fit.outputs, *fit.inputs], {of: j for j, of in enumerate(model.of)}
+    weights = model.weights.reshape(*model.weights.shape[:2], -1, len(model.of))
+    rates = weights[0][:, 1, [places[k] for k in range(len(fit.outputs))]]
+    more = np.zeros((len(terms), *weights.shape[1:]))
+    for own, (y, x) in zip(more, terms, strict=True):
+        equation = int(np.argmax(np.abs(rates[:, channels.index(y)])))
+        if (at := places.get(channels.index(x))) is not None:
+            own[equation, 0, at] = rates[equation, channels.index(y)]
+    every = np.concatenate([model.weights, more.reshape(len(terms), *model.weights.shape[1:])])
+    found = []
+    for k in range(len(fit.lines)):
+        v, p, _, powers, shapes = _signal_lines(fit, model, k, exact=False)
+        rows = every @ (powers[:, None] * v).reshape(-1, v.shape[1])
+        try:
+            inverse: Any = np.linalg.inv(p.transpose(2, 0, 1)).transpose(1, 2, 0)
+        except np.linalg.LinAlgError:
+            return None
+        rows = np.einsum("oel,cel->col", inverse, rows)
+        drift = inverse.transpose(1, 0, 2) / shapes[1]
+        columns = np.concatenate(
+            [rows[1 : rows.shape[0] - len(terms)], drift, rows[len(rows) - len(terms) :]]
+        )
+        found.append((rows[0], columns, _ends(fit, inverse, shapes)))
+    return found
 
 
 @lru_cache(32)

@@ -207,5 +207,5 @@ class _Search:
     def _at_margin(self, params: F64) -> int:
         """How many poles and pairs stand at the margin."""
         near = self.margin * (1 + ACTIVE) + ACTIVE * self.unit
-        dens = [np.array(den) for den in self.fit.layout.denominators(params)]
-        return sum(int(np.sum((roots_of(den).real > -near) & (roots_of(den).imag >= 0))) for den in dens)
+        each = [roots_of(np.array(den)) for den in self.fit.layout.denominators(params)]
+        return sum(int(np.sum((poles.real > -near) & (poles.imag >= 0))) for poles in each)

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..errors import ModfunError
 from ..records.record import Record
-from .cures import ENOUGH, again, of_written, on_band
+from .cures import ENOUGH, again, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
@@ -49,7 +49,7 @@ def unlike_records(fit: Estimates) -> Doubt | None:
         # Of two records the one with the larger numbers is named.
         if found and not (len(others) == 1 and k == 0 and found[0].size < 1):
             return told(fit, found)
-    cure = of_written(fit, first_only=True) if fit.usable and not fit.layout.rational else None
+    cure = likely_cure(fit) if fit.usable and not fit.layout.rational else None
     if cure is not None and cure.level_p > ENOUGH:
         return None
     return Doubt(

@@ -184,7 +184,7 @@ def test_a_biased_gyro_inside_products_is_named():
     rec = mf.Record(y=y, u=moments(t), dt=dt, outputs=["p", "q", "r"], inputs=["L", "M", "N"])
     fit, text = warned(rec, model)
     assert "(p - c)" in text
-    changes = {words: made for group in neighbours(fit) for words, made in group}
+    changes = {words: made for group in neighbours(fit) for words, made, _ in group}
     biased = changes["an offset of p, (p - c) in its place (c = {})"]
     assert abs(mf.fit(rec, biased)[EXTRA] - 0.2) < 0.03
     assert warned(rec.assign(p=rec["p"] - 0.2), model)[1] == ""
