@@ -49,7 +49,7 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
     if fit.records is None or not bent(fit):
         return fit
     found = _settled(fit, fit.records, refit) if fit.success else None
-    if found is None:
+    if found is None and (fit.success or _jumps(fit)):
         seen = tuple([rec._like(intersample=("smooth",) * len(rec.inputs)) for rec in fit.records])
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
@@ -57,6 +57,19 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
         start = replace(start, layout=fit.layout, intersample=fit.intersample, records=fit.records)
         found = _settled(start, fit.records, refit) if start.success else None
     return fit if found is None else replace(found, options=fit.options, again=fit.again)
+
+
+def _jumps(fit: EquationFit) -> bool:
+    """Whether an input may move an output at once."""
+    formulas = fit.layout.formulas
+    operations, results = formulas.words["formulas"]
+    for equation, signal, order in formulas.words["terms"]:
+        name, _, row, _ = operations[results[signal]]
+        channel = formulas.channels[row] if name == "input" and row < len(formulas.channels) else None
+        output = channel is not None and channel.kind == "output"
+        if not output and name != "constant" and order >= fit.layout.orders[equation]:
+            return True
+    return False
 
 
 def _settled(
