@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.between import BY_FIT, MIXED
 from ..base.cached import kept
+from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.options import Options
@@ -163,7 +164,9 @@ def _of_group(
     """The change of a group that lowers BIC most, or what was found before."""
     before, options = bic_beside(fit, fit), on_band(fit, fit.band)
     best = found.after - CLOSE if found else before - WORTH
-    for words, structure in _worthwhile(fit, group):
+    for words, structure, told in _worthwhile(fit, group):
+        if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
+            break  # no powers where a linear term leaves the noise alone
         other = again(fit, fit.records, structure, options)
         if other is None or EXTRA in other.at_bound:
             continue
@@ -176,17 +179,22 @@ def _of_group(
         if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
         found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
-        best = after
+        # Of twins in several equations the first is likelier.
+        best = after - CLOSE * (isinstance(structure, Equation) and bool(worth(fit)))
     return found
 
 
-def _worthwhile(fit: Estimates, group: Iterable[tuple[str, Any, Key]]) -> Iterator[tuple[str, Any]]:
-    """Those changes of a group that a regression finds worth a fit, or says nothing of."""
+def _worthwhile(fit: Estimates, group: Iterable[tuple[str, Any, Key]]) -> Iterator[tuple[str, Any, bool]]:
+    """Changes of a group that a regression finds worth a fit, and then those of which it says nothing."""
     every, falls = list(group), worth(fit)
-    told = sorted({falls[key] for _, _, key in every if key in falls}, reverse=True)[:MOST]
+    best = sorted({falls[key] for _, _, key in every if key in falls}, reverse=True)[:MOST]
+    least = max(best[-1], best[0] * NEAR, CLOSE) if best else inf
     for words, structure, key in every:
-        if key not in falls or falls[key] >= max(told[-1], told[0] * NEAR, CLOSE):
-            yield words, structure
+        if falls.get(key, -inf) >= least:
+            yield words, structure, True
+    for words, structure, key in every:
+        if key not in falls:
+            yield words, structure, not falls
 
 
 @kept

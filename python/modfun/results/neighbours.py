@@ -133,11 +133,11 @@ def _shifts(fit: Estimates, model: Equation) -> Changed:
     for y in model.outputs:
         yield from _tried(
             f"a lag of the sensor of {y}, ({y} + lag*{y}') in its place (lag = {{}} s)",
-            model, _replaced(model, y, f"({y} + {EXTRA}*{y}')"), late,
+            model, _replaced(model, y, f"({y} + {EXTRA}*{y}')"), late, ("late", y),
         )  # fmt: skip
     for u in model.inputs:
         words = f"a delay of {u}, {u}(t - h) with h = mf.Free(min=0, max=...) (h = {{}} s)"
-        yield from _tried(words, model, _replaced(model, u, f"{u}(t - {EXTRA})"), _delay(fit))
+        yield from _tried(words, model, _replaced(model, u, f"{u}(t - {EXTRA})"), _delay(fit), ("late", u))
 
 
 def _offsets(model: Equation) -> Changed:
@@ -155,7 +155,8 @@ def _terms(model: Equation) -> Changed:
         higher = [_next_derivative(y, model.texts[k]) for y in model.outputs]
         for term in dict.fromkeys([*terms, *higher]):
             texts = [f"{own} + {EXTRA}*{term}" if i == k else own for i, own in enumerate(model.texts)]
-            yield from _tried(f"a term in {term}{where} (coefficient {{}})", model, texts, Free())
+            words, key = f"a term in {term}{where} (coefficient {{}})", ("term", str(k), term)
+            yield from _tried(words, model, texts, Free(), key)
 
 
 def _pairs(model: Equation) -> Changed:
@@ -166,7 +167,7 @@ def _pairs(model: Equation) -> Changed:
             pole, zero = _next_derivative(model.outputs[0], text), _next_derivative(u, text)
             words = f"terms in {pole} and {zero} (coefficient of {pole} {{}})"
             texts = [f"{text} + {EXTRA}*{pole} + {ZERO}*{zero}"]
-            yield from _tried(words, model, texts, Free(), {ZERO: Free()})
+            yield from _tried(words, model, texts, Free(), (), {ZERO: Free()})
 
 
 def _next_derivative(y: str, text: str) -> str:
@@ -183,14 +184,19 @@ def with_offset(model: Any) -> Changed:
 
 
 def _tried(
-    words: str, model: Equation, texts: list[str], extra: Free, more: dict[str, Free] | None = None
+    words: str,
+    model: Equation,
+    texts: list[str],
+    extra: Free,
+    key: Key = (),
+    more: dict[str, Free] | None = None,
 ) -> Changed:
     """The equation with these texts; nothing where they make none."""
     try:
         made = model._like(text=texts, params=_more(model, extra) | (more or {}))
     except ModfunError:
         return
-    yield words, made, ()
+    yield words, made, key
 
 
 def _replaced(model: Equation, name: str, text: str) -> list[str]:

@@ -337,12 +337,15 @@ def output_lines(fit: Estimates) -> list[tuple[C128, C128]] | None:
     return found or None
 
 
-def lines_beside(fit: Estimates, terms: Sequence[tuple[str, str]]) -> list[tuple[C128, C128, C128]] | None:
+def lines_beside(
+    fit: Estimates, terms: Sequence[tuple[int | str, str, int]]
+) -> list[tuple[C128, C128, C128]] | None:
     """Residuals of the outputs of each record, (output, line), columns of changes, and what its ends add.
 
     Columns are (change, output, line): of the parameters, of how late each channel was recorded, of a drift
-    of each equation, and for each of `terms` of a channel in the equation of an output's rate. None where
-    equations are not linear, or singular. Kinks of held inputs are left in them.
+    of each equation, and for each of `terms` of a derivative of a channel in an equation, which is that of an
+    output's rate where it is given by name. None where equations are not linear, or singular. Kinks of held
+    inputs are left in them.
     """
     model = _linear(fit) if _testable(fit) else None
     if model is None:
@@ -351,10 +354,11 @@ def lines_beside(fit: Estimates, terms: Sequence[tuple[str, str]]) -> list[tuple
     weights = model.weights.reshape(*model.weights.shape[:2], -1, len(model.of))
     rates = weights[0][:, 1, [places[k] for k in range(len(fit.outputs))]]
     more = np.zeros((len(terms), *weights.shape[1:]))
-    for own, (y, x) in zip(more, terms, strict=True):
-        equation = int(np.argmax(np.abs(rates[:, channels.index(y)])))
+    for own, (where, x, order) in zip(more, terms, strict=True):
+        rate = rates[:, channels.index(where)] if isinstance(where, str) else np.eye(len(rates))[where]
+        equation = int(np.argmax(np.abs(rate)))
         if (at := places.get(channels.index(x))) is not None:
-            own[equation, 0, at] = rates[equation, channels.index(y)]
+            own[equation, order, at] = rate[equation]
     every = np.concatenate([model.weights, more.reshape(len(terms), *model.weights.shape[1:])])
     found = []
     for k in range(len(fit.lines)):

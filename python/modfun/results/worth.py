@@ -1,4 +1,4 @@
-"""By how much a shift of a channel or a term more would lower BIC, by regressions of the residual lines."""
+"""By how much a shift of a channel or one term more would lower BIC, by regressions of the residual lines."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arrays import C128, F64
 from ..base.cached import kept
+from ..equations.equation import Equation
 from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
 from ..models.free import Free
@@ -20,24 +21,30 @@ from .shifts import lines_beside
 __all__ = ["Key", "worth"]
 
 ROUNDS = 3  # of the noise's covariance
+TWIN = 6.0  # taken from a derivative: a rate is the sum of its own equation's terms, which are likelier
 LOOKED = 6  # likeliest changes that have these
 
-# "shift" or "late" and a channel; "term", a state and a state or input in its equation; "numbers", all those
-# in the equations; "drift".
+# "shift" or "late" and a channel; "term", a state or the place of an equation, and what may enter there;
+# "numbers", all those in a state space; "drift".
 Key = tuple[str, ...]
+Term = tuple[int | str, str, int]  # equation, channel and derivative
 
 
 @kept
 def worth(fit: Estimates) -> dict[Key, float]:
-    """By how much BIC would fall with each change of a linear state space, about; empty where none is told.
+    """By how much BIC would fall with each change of several linear equations, about; empty where not told.
 
     One Gauss-Newton step of the parameters and of the change from the estimate, on the lines of the outputs'
     residuals, whose covariance is the noise's. To first order a lag of a sensor, one of an actuator and a
     delay are shifts in time.
     """
-    if not isinstance(fit.structure, StateSpace):
+    model = fit.structure
+    if isinstance(model, StateSpace):
+        terms = _terms(model)
+    elif isinstance(model, Equation) and len(model.texts) == len(fit.outputs) > 1 and not model.hidden:
+        terms = _derivatives(fit, model)
+    else:
         return {}
-    terms = _terms(fit.structure)
     found = lines_beside(fit, [pair for _, pair in terms])
     if found is None:
         return {}
@@ -54,27 +61,38 @@ def worth(fit: Estimates) -> dict[Key, float]:
     rows, falls = fit.df_resid + size, dict[Key, float]()
     for key, places in columns.items():
         after, by, _ = lines.settled(places, firsts[key][2]) if key in likely else firsts[key]
-        falls[key] = rows / outputs * (before - after) - len(places) * log(rows)
+        falls[key] = rows / outputs * (before - after) - len(places) * log(rows) - TWIN * key[-1].count("'")
         if key[0] == "shift":  # sensors are late, and actuators later than their commands
             falls["late", key[1]] = falls[key] if (by > 0) == (key[1] in fit.outputs) else -inf
     return falls
 
 
-def _terms(model: StateSpace) -> list[tuple[Key, tuple[str, str]]]:
+def _derivatives(fit: Estimates, model: Equation) -> list[tuple[Key, Term]]:
+    """Channels and their derivatives in each equation, up to one more than it has."""
+    names = (*model.outputs, *model.inputs)
+    return [
+        (("term", str(k), x + "'" * order), (k, x, order))
+        for k, most in enumerate(fit.layout.orders)
+        for x in names
+        for order in range(most + 2)
+    ]
+
+
+def _terms(model: StateSpace) -> list[tuple[Key, Term]]:
     """What may enter the equation of a state, or does by a number, and the channels of both; all measured."""
     shown = [state_of(c, d) for c, d in zip(model.C, model.D, strict=True)]
     if {*shown} != {*range(len(model.states))}:
         return []
     names = [model.outputs[shown.index(i)] for i in range(len(model.states))]
     held = {name for name, given in model.params if not isinstance(given, Free)}
-    found = list[tuple[Key, tuple[str, str]]]()
+    found = list[tuple[Key, Term]]()
     for i, (a, b) in enumerate(zip(model.A, model.B, strict=True)):
         columns = zip((*model.inputs, *model.states), (*model.inputs, *names), (*b, *a), strict=True)
         for own, x, entry in columns:
             if entry == 0:
-                found.append((("term", model.states[i], own), (names[i], x)))
+                found.append((("term", model.states[i], own), (names[i], x, 0)))
             elif own != model.states[i] and held.issuperset(names_in(((entry,),))):
-                found.append((("numbers",), (names[i], x)))
+                found.append((("numbers",), (names[i], x, 0)))
     return found
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from modfun.base.cached import cached_property
+from modfun.base.cached import cached_property, kept
 
 
 class Counted:
@@ -54,3 +54,15 @@ def test_no_thread_waits_for_another() -> None:
     second.join()
     assert found == [False]
     assert slow.value
+
+
+def test_an_answer_stays_with_the_object() -> None:
+    asked = []
+
+    @kept
+    def size(of: Counted) -> None:
+        asked.append(of)
+
+    one, other = Counted(), Counted()
+    assert (size(one), size(one), size(other)) == (None, None, None)
+    assert asked == [one, other]

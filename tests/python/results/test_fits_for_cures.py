@@ -53,7 +53,7 @@ def warned(rec, model):
 
 
 @pytest.mark.parametrize(
-    "name, words",
+    ("name", "words"),
     [
         ("Nb", "a term in beta in the equation of r'"),
         ("Np", "a term in p in the equation of r'"),
@@ -98,3 +98,20 @@ def test_a_sideslip_of_the_other_sign_is_told_by_one_fit_more(fits):
     assert not fit.success
     assert "beta=-rec['beta']" in text
     assert len(fits) <= 4
+
+
+def test_equations_of_several_outputs_name_the_signal_and_not_its_twin(fits):
+    """p' holds beta, so that a term in it explains as much; powers are not tried where a linear term does."""
+    model = mf.Equation(
+        [
+            "beta' = Yb*beta + 0.03*p - 0.99*r + 0.1635*phi + Yd*dr + c1",
+            "p' = Lb*beta + Lp*p + Lr*r + La*da + Ld*dr + c2",
+            "r' = Np*p + Nr*r + Na*da + Nd*dr + c3",
+            "phi' = p + 0.03*r + c4",
+        ],
+        outputs=NAMES,
+        inputs=["da", "dr"],
+    )
+    text = warned(flown(), model)[1]
+    assert "First try a term in beta in equation 3 (coefficient 5)" in text
+    assert len(fits) <= 20
