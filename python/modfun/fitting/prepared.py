@@ -381,9 +381,12 @@ def refuse_uneven(late: float, times: F64) -> NoReturn:
     """Refuse a delay of a record with uneven steps; a clock that was only rounded is named first."""
     even = rounded_step(times)
     clock = f"if its clock was only rounded, give dt={even:.6g} instead of the times; else " if even else ""
+    step = even or (times[-1] - times[0]) / (len(times) - 1)
     raise DataError(
         f"fit: a delay of {late:g} s needs even sampling, and the record's steps are uneven; {clock}"
-        "resample it, or leave the delay out"
+        f"leave the delay out, or resample it: t = np.arange(rec.t[0], rec.t[-1], {step:.4g}), then "
+        "mf.Record({y: np.interp(t, rec.t, rec[y]) for y in rec.outputs}, "
+        f"{{u: np.interp(t, rec.t, rec[u]) for u in rec.inputs}}, dt={step:.4g})"
     )
 
 

@@ -103,7 +103,7 @@ def _clock(record: Samples) -> Iterator[str]:
         yield (
             f"Time has {_count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
             f"{record.t[worst]:g} s where {usual:.4g} s is usual; split the record there if the signals move "
-            "in the gaps."
+            "in the gaps. Fits take such times as they are, but no delays."
         )
         return
     grid = record.t[0] + record.duration / record.intervals * np.arange(len(record.t))

@@ -27,6 +27,7 @@ __all__ = [
     "numeric",
     "pace",
     "seconds_of",
+    "since_1970",
     "time_candidates",
     "unit_of",
 ]
@@ -57,6 +58,7 @@ SECONDS = {
     "weeks": 604800.0,
 }
 SERIAL = (20_000, 80_000)  # days
+CLOCKS = (1e9, 2.2e9)  # seconds since 1970
 FASTEST = 1e-4  # s: steps of slow systems are not below it
 
 
@@ -203,6 +205,11 @@ def doubtful_step(times: F64, name: str, told: Told) -> tuple[float, str] | None
 def are_serial(days: F64) -> bool:
     """Tell whether numbers may be the days from 1900 on that spreadsheets count, of 1954 to 2119."""
     return bool(days.size and days.min() > SERIAL[0] and days.max() < SERIAL[1])
+
+
+def since_1970(seconds: F64) -> bool:
+    """Tell whether numbers may be seconds since 1970, as clocks of computers count, of 2001 to 2039."""
+    return bool(seconds.size and seconds.min() > CLOCKS[0] and seconds.max() < CLOCKS[1])
 
 
 def _whole_of_days(step: float) -> bool:

@@ -28,6 +28,7 @@ from .columns import (
     guess_time,
     pace,
     seconds_of,
+    since_1970,
     time_candidates,
     unit_of,
 )  # fmt: skip
@@ -148,9 +149,9 @@ def read(
     the columns (if it is all numbers, the comment above it does, as numpy.savetxt writes it, or they are
     ``column1``, ``column2``, ...), a line below it without a number holds the units. Times of day,
     ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds, and go on over midnight;
-    dates, ``2026-03-01T14:05:36.02Z`` or ``1.3.2026 14:05``, become seconds from the first. Decimal commas
-    are read where another mark separates the columns; points of such a file are thousands marks, 1.040 is
-    1040, and a column whose points may be either is refused.
+    dates, ``2026-03-01T14:05:36.02Z`` or ``1.3.2026 14:05``, and seconds since 1970 become seconds from the
+    first. Decimal commas are read where another mark separates the columns; points of such a file are
+    thousands marks, 1.040 is 1040, and a column whose points may be either is refused.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.
@@ -185,9 +186,6 @@ def read(
     if outputs is None and not told.outputs:
         raise SpecError(f"read: say with outputs= which of the columns they are: {listed(table.names)}")
     clock = _clock_of(table) if time is None and dt is None else time
-    if clock is not None and units and clock in units:
-        table, units = _timed(table, clock, units), {n: u for n, u in units.items() if n != clock}
-        told = table.told
     out = _roles(told.outputs if outputs is None else outputs, "outputs")
     into = _roles(_left(told.inputs, out) if inputs is None else inputs, "inputs")
     kept = _roles(_left(told.kept, out, into) if keep is None else keep, "keep")
@@ -196,6 +194,10 @@ def read(
     if sigma is None:
         trust = {new: told.sigma[name] for new, name in out.items() if name in told.sigma}
     named = {new: name for role in (out, into, kept) for new, name in role.items()}
+    if units and (key := _clock_in(units, table, clock, named)):
+        name, word = key
+        table, units = _timed(table, name, units[word]), {n: u for n, u in units.items() if n != word}
+        told = table.told
     complete = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
     wanted = list(dict.fromkeys([*complete, *out.values(), *trust.values()]))
     for name in wanted:
@@ -376,9 +378,22 @@ def _clock_of(table: Columns) -> str | None:
     return table.told.time or guess_time(table)
 
 
-def _timed(table: Columns, clock: str, units: Mapping[str, str]) -> Columns:
+def _clock_in(
+    units: Mapping[str, str], table: Columns, clock: str | None, named: Mapping[str, str]
+) -> tuple[str, str] | None:
+    """Return the column of times whose unit the user says, and how it is called there: `t`, too."""
+    known = [clock] if clock is not None else [x for x in time_candidates(table) if x not in named.values()]
+    for name in known:
+        for word in units:
+            meant = word not in named and word not in table.names and word.lower() in ("t", name.lower())
+            if word == name or meant:
+                return name, word
+    return None
+
+
+def _timed(table: Columns, clock: str, given: str) -> Columns:
     """Return the columns with the unit of the times that the user says."""
-    unit = str(units[clock]).strip()
+    unit = str(given).strip()
     if unit.lower() not in SECONDS:
         raise SpecError(f"read: units gives {unit!r} for the times {clock!r}; {nearest(unit, list(SECONDS))}")
     return replace(table, told=replace(table.told, units={**table.told.units, clock: unit}))
@@ -402,12 +417,14 @@ def _sampling(table: Columns, values: dict[str, F64], clock: str | None, dt: flo
 def _seconds(values: F64, clock: str, told: Told) -> tuple[F64, float | None]:
     """Times in seconds, and their step where they are even in the decimals of another unit.
 
-    Serial dates of spreadsheets are counted from the first one, as other dates are.
+    Serial dates of spreadsheets and seconds since 1970 are counted from the first one, as other dates are.
     """
     scale = seconds_of(clock, told)
-    if scale == 1:
+    dates = scale == SECONDS["d"] and are_serial(values)
+    dates |= clock != "t" and told.time is None and since_1970(scale * values)
+    if scale == 1 and not dates:
         return values, None
-    times = scale * (values - values[0] if scale == SECONDS["d"] and are_serial(values) else values)
+    times = scale * (values - values[0] if dates else values)
     rises = len(values) > 1 and np.isfinite(values).all() and np.all(values[1:] > values[:-1])
     step = even_step(values) if rises and told.dt is None else None
     return times, None if step is None else scale * step

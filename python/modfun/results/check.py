@@ -31,9 +31,11 @@ from .doubts import (
     unexpected,
     unstable,
 )  # fmt: skip
+from .driven_equations import one_cause
 from .estimates import Estimates
 from .feedback import feedback
 from .held_numbers import contradicted_numbers
+from .hidden_units import in_other_units
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
@@ -67,7 +69,13 @@ def _message(fit: Estimates) -> str:
 def _failed(fit: Estimates) -> str:
     """Why there is no estimate."""
     with np.errstate(all="ignore"):
-        doubt = unlike_records(fit) or contradicted_numbers(fit) or runaway(fit) or one_record(fit)
+        doubt = (
+            unlike_records(fit)
+            or in_other_units(fit)
+            or contradicted_numbers(fit)
+            or runaway(fit)
+            or one_record(fit)
+        )
     return doubt.text if doubt else _message(fit)
 
 
@@ -124,8 +132,9 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound,
-    misbegun, unexpected, stored_late, stands_still, in_two_units, contradicted_numbers, missing_input,
-    late_channel, unexplained, fed_back, unsettled, unstable, condition, undeclared,
+    misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units, contradicted_numbers,
+    missing_input, late_channel, unexplained, one_cause, fed_back, unsettled, unstable, condition,
+    undeclared,
 )  # fmt: skip
 
 
@@ -149,7 +158,15 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())
         note = noise_free(fit)
-        first = (stored_late, unlike_records, one_record, contradicted_numbers, missing_input, late_channel)
+        first = (
+            stored_late,
+            unlike_records,
+            one_record,
+            in_other_units,
+            contradicted_numbers,
+            missing_input,
+            late_channel,
+        )
         told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):

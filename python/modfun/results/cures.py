@@ -176,6 +176,8 @@ def _of_group(
         bar = moved.after + CLOSE if moved and lever else best
         if not (isfinite(after) and after < bar) or _odd_time(fit, words, other[EXTRA]):
             continue
+        if words.startswith("a delay") and _part_of_a_step(fit, other):
+            continue
         if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
         found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
@@ -275,6 +277,12 @@ def _odd_time(fit: Estimates, words: str, value: float) -> bool:
     records = fit.records or ()
     step = min(float(np.min(np.diff(rec.t))) for rec in records)
     return "{} s)" in words and not step / 10 < value < max(rec.duration for rec in records)
+
+
+def _part_of_a_step(fit: Estimates, other: Estimates) -> bool:
+    """Whether a delay is far less than a sample and leaves more than the noise: of something else."""
+    step = max(rec.dt or rec.duration / rec.intervals for rec in fit.records or ())
+    return other[EXTRA] < step / 2 and not level_p(other) > ENOUGH
 
 
 def convincing(fit: Estimates, cure: Cure) -> bool:

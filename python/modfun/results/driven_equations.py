@@ -18,11 +18,12 @@ from ..errors import ModfunError
 from ..models.options import Options
 from ..models.process import ProcessNoise, dryden
 from .cures import Cure, again, on_band
+from .doubts import Doubt
 from .estimates import Estimates
 from .origin import APART, wide_band
 from .shifts import output_lines
 
-__all__ = ["driven"]
+__all__ = ["driven", "one_cause"]
 
 GUST = "gust"  # name of the input that nobody measured
 POLES = 1 - np.logspace(-3, 0.1, 40)  # of noise of first order, a sample
@@ -50,7 +51,7 @@ def driven(fit: Estimates) -> Cure | None:
     if plain is None or not isfinite(sensors := _of_sensors(plain, plain)):
         return None
     told, after = 'noise="process"', _bic(wide)
-    for words, structure in _gusts(fit):
+    for words, structure in _gusts(fit, fit.structure):
         gust = ProcessNoise(**{GUST: dryden(1.0)})
         other = _with(fit, structure, options.replace(noise=gust, method="ml"))
         if other is not None and other.band == wide.band and _bic(other) < after:
@@ -64,6 +65,45 @@ def driven(fit: Estimates) -> Cure | None:
     return Cure(told, plain.bic, after, np.nan)
 
 
+def one_cause(fit: Estimates) -> Doubt | None:
+    """That one gust explains better what a fit takes for noise of each equation by itself."""
+    base = _without_noises(fit)
+    if base is None:
+        return None
+    options, found = on_band(fit, fit.band), (fit.bic - SURELY, "")
+    for words, structure in _gusts(fit, base):
+        other = _with(fit, structure, options.replace(noise=ProcessNoise(**{GUST: dryden(1.0)}), method="ml"))
+        if other is not None and other.band == fit.band:
+            found = min(found, (other.bic, words))
+    after, words = found
+    if not words:
+        return None
+    return Doubt(
+        "The noises of the equations go together: one cause, such as a gust, explains them better than "
+        f"independent ones, with which standard errors are too small. First try {words}: BIC falls from "
+        f"{fit.bic:.4g} to {after:.4g}, by {fit.bic - after:.3g}."
+    )
+
+
+def _without_noises(fit: Estimates) -> Any:
+    """The model of a fit with a noise for each equation, without inputs that stand for these."""
+    model, noise = fit.structure, fit.options.noise
+    if fit.layout.rational or fit.process_levels is None or fit.again is None or not fit.records:
+        return None
+    if noise == "process":
+        return model
+    if not isinstance(noise, ProcessNoise) or not isinstance(model, StateSpace) or len(noise.names) < 2:
+        return None
+    kept = [k for k, name in enumerate(model.inputs) if name not in noise.names]
+    b, d = ([[row[k] for k in kept] for row in matrix] for matrix in (model.B, model.D))
+    try:
+        return model._like(
+            B=b, D=d, inputs=[model.inputs[k] for k in kept], delay=[model.delay[k] for k in kept]
+        )
+    except ModfunError:  # parameters of those inputs, say
+        return None
+
+
 def _with(fit: Estimates, structure: Any, options: Options) -> Estimates | None:
     """A fit with noise in its equations; None where it has no answer."""
     found = again(fit, fit.records, structure, options)
@@ -75,9 +115,8 @@ def _bic(driven: Estimates) -> float:
     return float(driven.bic + len(driven.outputs) * np.log(driven.df_resid))
 
 
-def _gusts(fit: Estimates) -> Iterator[tuple[str, Any]]:
+def _gusts(fit: Estimates, model: Any) -> Iterator[tuple[str, Any]]:
     """One cause that acts on all equations as a measured state does, in words and as a structure."""
-    model = fit.structure
     if len(fit.outputs) < 2 or GUST in (*model.all_parameters, *model.outputs, *model.inputs):
         return
     words = f"an input {GUST} that acts as {{}} does and noise=mf.ProcessNoise({GUST}=mf.dryden(tau))"
@@ -85,8 +124,8 @@ def _gusts(fit: Estimates) -> Iterator[tuple[str, Any]]:
         shown = [state_of(c, d) for c, d in zip(model.C, model.D, strict=True)]
         for j in sorted({state for state in shown if state is not None}):
             b = [[*own, row[j]] for own, row in zip(model.B, model.A, strict=True)]
-            d = [[*own, 0] for own in model.D]
             inputs, delay = [*model.inputs, GUST], [*model.delay, 0.0]
+            d = [[*own, 0] for own in model.D]
             yield words.format(model.states[j]), model._like(B=b, D=d, inputs=inputs, delay=delay)
     elif isinstance(model, Equation):
         for x in model.outputs:

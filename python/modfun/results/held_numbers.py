@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
 from math import inf, isfinite, log, pi
@@ -19,6 +19,7 @@ from .cures import CLOSE, ENOUGH, WORTH, Cure, Realigned, again, bic_beside, con
 from .diagnosis import level_p
 from .doubts import Doubt
 from .estimates import Estimates
+from .hidden_units import angles_of, forces_of, seem
 from .misfit import suspicious
 from .worth import worth
 
@@ -29,15 +30,17 @@ SIGMAS = 4.0  # standard errors within which a number agrees
 ROUGH = 0.05  # relative, the same: kinematics are often rounded
 NEAR = 0.03  # relative, the same of a unit
 MOST = 2  # channels that are in another unit at once
+DEGREES = 180 / pi
 # What a factor of a channel is, as size and words.
 UNITS = (
-    (180 / pi, "in degrees and not in radians"),
+    (DEGREES, "in degrees and not in radians"),
     (pi / 180, "in radians and not in degrees"),
     (1 / 9.80665, "in g and not in m/s²"),
     (9.80665, "in m/s² and not in g"),
     (1 / 0.3048, "in feet and not in metres"),
     (0.3048, "in metres and not in feet"),
 )
+OF_FORCES = UNITS[2:]  # what accelerations may be in
 
 
 @dataclass(frozen=True)
@@ -71,8 +74,8 @@ def contradicted_numbers(fit: Estimates) -> Doubt | None:
 
     All numbers are estimated in one fit more; a channel whose scale explains their estimates has that scale.
     """
-    made = _read(fit)
-    return _of_scales(made[0]) or _of_one(fit, *made) if made else None
+    made, model = _read(fit), fit.structure
+    return _of_scales(made[0], angles_of(model), forces_of(model)) or _of_one(fit, *made) if made else None
 
 
 def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
@@ -104,15 +107,28 @@ def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
     ], cure
 
 
-def _of_scales(numbers: Sequence[Number]) -> Doubt | None:
-    """That one or two channels have another scale, by which all numbers are explained."""
+def _of_scales(numbers: Sequence[Number], angles: Sequence[str], forces: Sequence[str]) -> Doubt | None:
+    """That some channels have another scale, by which all numbers are explained."""
     channels = list(dict.fromkeys(name for number in numbers for name in number.powers))
-    for count in range(1, MOST + 1):
+    degrees, units = dict.fromkeys(angles, DEGREES), dict.fromkeys(forces, OF_FORCES)
+    rests = [replace(number, held=number.held * _size(number, degrees)) for number in numbers]
+    none: dict[str, float] = {}
+    tries: list[Any] = [(none, combinations(channels, count), numbers) for count in range(1, MOST + 1)]
+    more = [one for one in combinations(channels, MOST + 1) if not units.keys().isdisjoint(one)]
+    all_angles = [(degrees, combinations(forces, count), rests) for count in (0, 1)] if forces else []
+    for given, combined, seen in [*tries, *all_angles, (none, more, numbers)]:
         found = [
+<<<<<<< HEAD
             scales
             for chosen in combinations(channels, count)
             for scales in _scales(numbers, chosen)
             if all(turned(factor) or unit_of(factor) for factor in scales.values())
+=======
+            given | scales
+            for chosen in combined
+            for scales in _scales(seen, chosen)
+            if all(_turned(x) or _unit(x, units.get(name, UNITS)) for name, x in scales.items())
+>>>>>>> cb3bc59a (Units without a vane, one gust for several noises, clocks by any name: first cures that are right)
         ]
         if found:
             # Degrees are what people read, and an angle's sign is what they take otherwise.
@@ -175,7 +191,8 @@ def _scales(
     """Factors of these channels by which every number is explained."""
     sure = [number for number in numbers if number.slack(rough) < 1]
     powers = np.array([[number.powers.get(name, 0) for name in chosen] for number in sure], dtype=float)
-    if not sure or np.linalg.matrix_rank(powers) < len(chosen):
+    powers = powers.reshape(len(sure), len(chosen))
+    if not sure or (chosen and np.linalg.matrix_rank(powers) < len(chosen)):
         return
     ratios = np.array([number.found / number.held for number in sure])
     sizes, weights = np.log(np.abs(ratios)), np.array([abs(number.found) / number.error for number in sure])
@@ -193,27 +210,41 @@ def turned(factor: float) -> bool:
     return abs(factor + 1) < ROUGH
 
 
+<<<<<<< HEAD
 def unit_of(factor: float) -> tuple[float, str] | None:
+=======
+def _size(number: Number, scales: Mapping[str, float]) -> float:
+    """What these scales of channels make of a number."""
+    return float(np.prod([scales.get(name, 1.0) ** power for name, power in number.powers.items()]))
+
+
+def _unit(factor: float, units: Sequence[tuple[float, str]] = UNITS) -> tuple[float, str] | None:
+>>>>>>> cb3bc59a (Units without a vane, one gust for several noises, clocks by any name: first cures that are right)
     """The size and words of a unit."""
-    return next((unit for unit in UNITS if abs(log(abs(factor) / unit[0])) < NEAR), None)
+    return next((unit for unit in units if abs(log(abs(factor) / unit[0])) < NEAR), None)
 
 
 def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers: Sequence[Number]) -> str:
     """What is off, by which number, and the change of the record."""
     seen = max((own for own in numbers if not scales.keys().isdisjoint(own.powers)), key=lambda own: own.off)
-    parts, changes = [], []
+    parts, changes = dict[str, list[str]](), []
     for name, factor in scales.items():
         minus, unit = "-" if factor < 0 else "", unit_of(factor)
         sign = "of the opposite sign" if factor < 0 else ""
         words = f"{unit[1]}, {unit[0]:.3g} times what the equations need" if unit else ""
         if not (unit or turned(factor)):
             words, unit = f"{abs(factor):.4g} times what the equations need", (abs(factor), "")
+<<<<<<< HEAD
         parts.append(f"{name} seems to be " + " and ".join(filter(None, (sign, words))))
+=======
+        parts.setdefault(" and ".join(filter(None, (turned, words))), []).append(name)
+>>>>>>> cb3bc59a (Units without a vane, one gust for several noises, clocks by any name: first cures that are right)
         size = unit[0] if unit else 1.0
         scaled = "" if size == 1 else f"/{size:.4g}" if size > 1 else f"*{1 / size:.4g}"
         changes.append(f"{name}={minus}rec[{name!r}]{scaled}")
     also = [" and ".join(other) for other in others]
-    text = f"{'; '.join(parts)}: {seen}. First try rec.assign({', '.join(changes)})"
+    seems = "; ".join(seem(names, words) for words, names in parts.items())
+    text = f"{seems}: {seen}. First try rec.assign({', '.join(changes)})"
     return text + (f"; the inverse change of {', or of '.join(also)} would do the same." if also else ".")
 
 

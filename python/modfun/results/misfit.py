@@ -327,6 +327,14 @@ def _drift_leaves_more(fit: Estimates) -> bool:
 def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
     """That noise drives the equations, in words, and by how much that lowers BIC."""
     cause = "One cause, such as a gust," if "ProcessNoise" in cure.words else "Turbulence or load"
+    if event_p(fit) < UNLIKELY:  # gusts have no place in time
+        text = (
+            f"The residuals are {d.level_ratio:.3g} times {_reference(fit)} (p = {d.chi2_p:.2g}), most of "
+            "them at one time: an input that is not in the record seems to act, such as a rudder or a flap. "
+            "First look when it does, fit.plot_response(), and add that input to the record; otherwise "
+            f"{cure.words}, with which BIC falls from {cure.before:.4g} to {cure.after:.4g}."
+        )
+        return Doubt(text), cure.before - cure.after
     text = (
         f"The residuals are {d.level_ratio:.3g} times {_reference(fit)} (p = {d.chi2_p:.2g}), and their "
         f"spectra are no sensor's. {cause} {DRIVES}, and standard errors are too small; an input that is not "

@@ -294,7 +294,7 @@ class Directory:
         if self.manifest["study"] != own["study"]:
             differ = [
                 f"{name} {self.manifest.get(name)!r} there, {own[name]!r} here"
-                for name in ("seed", "draw", "coverage", "part", "streams")
+                for name in ("seed", "draw", "coverage", "streams")
                 if self.manifest.get(name) != own[name]
             ]
             raise SpecError(
