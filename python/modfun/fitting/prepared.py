@@ -384,9 +384,9 @@ def refuse_uneven(late: float, times: F64) -> NoReturn:
     step = even or (times[-1] - times[0]) / (len(times) - 1)
     raise DataError(
         f"fit: a delay of {late:g} s needs even sampling, and the record's steps are uneven; {clock}"
-        f"leave the delay out, or resample it: t = np.arange(rec.t[0], rec.t[-1], {step:.4g}), then "
+        f"resample it: t = np.arange(rec.t[0], rec.t[-1], {step:.4g}), then "
         "mf.Record({y: np.interp(t, rec.t, rec[y]) for y in rec.outputs}, "
-        f"{{u: np.interp(t, rec.t, rec[u]) for u in rec.inputs}}, dt={step:.4g})"
+        f"{{u: np.interp(t, rec.t, rec[u]) for u in rec.inputs}}, dt={step:.4g}); or leave the delay out"
     )
 
 
