@@ -118,17 +118,10 @@ def _of_scales(numbers: Sequence[Number], angles: Sequence[str], forces: Sequenc
     all_angles = [(degrees, combinations(forces, count), rests) for count in (0, 1)] if forces else []
     for given, combined, seen in [*tries, *all_angles, (none, more, numbers)]:
         found = [
-<<<<<<< HEAD
-            scales
-            for chosen in combinations(channels, count)
-            for scales in _scales(numbers, chosen)
-            if all(turned(factor) or unit_of(factor) for factor in scales.values())
-=======
             given | scales
             for chosen in combined
             for scales in _scales(seen, chosen)
-            if all(_turned(x) or _unit(x, units.get(name, UNITS)) for name, x in scales.items())
->>>>>>> cb3bc59a (Units without a vane, one gust for several noises, clocks by any name: first cures that are right)
+            if all(turned(x) or unit_of(x, units.get(name, UNITS)) for name, x in scales.items())
         ]
         if found:
             # Degrees are what people read, and an angle's sign is what they take otherwise.
@@ -210,16 +203,12 @@ def turned(factor: float) -> bool:
     return abs(factor + 1) < ROUGH
 
 
-<<<<<<< HEAD
-def unit_of(factor: float) -> tuple[float, str] | None:
-=======
 def _size(number: Number, scales: Mapping[str, float]) -> float:
     """What these scales of channels make of a number."""
     return float(np.prod([scales.get(name, 1.0) ** power for name, power in number.powers.items()]))
 
 
-def _unit(factor: float, units: Sequence[tuple[float, str]] = UNITS) -> tuple[float, str] | None:
->>>>>>> cb3bc59a (Units without a vane, one gust for several noises, clocks by any name: first cures that are right)
+def unit_of(factor: float, units: Sequence[tuple[float, str]] = UNITS) -> tuple[float, str] | None:
     """The size and words of a unit."""
     return next((unit for unit in units if abs(log(abs(factor) / unit[0])) < NEAR), None)
 
@@ -234,11 +223,7 @@ def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers:
         words = f"{unit[1]}, {unit[0]:.3g} times what the equations need" if unit else ""
         if not (unit or turned(factor)):
             words, unit = f"{abs(factor):.4g} times what the equations need", (abs(factor), "")
-<<<<<<< HEAD
-        parts.append(f"{name} seems to be " + " and ".join(filter(None, (sign, words))))
-=======
-        parts.setdefault(" and ".join(filter(None, (turned, words))), []).append(name)
->>>>>>> cb3bc59a (Units without a vane, one gust for several noises, clocks by any name: first cures that are right)
+        parts.setdefault(" and ".join(filter(None, (sign, words))), []).append(name)
         size = unit[0] if unit else 1.0
         scaled = "" if size == 1 else f"/{size:.4g}" if size > 1 else f"*{1 / size:.4g}"
         changes.append(f"{name}={minus}rec[{name!r}]{scaled}")
