@@ -6,12 +6,9 @@ use super::normal_equations::{LeftColumns, RowWeights};
 use super::record_space::RecordSpace;
 use super::rest::Tie;
 use crate::covariance::FLOOR;
-use crate::linalg::qr::{Absorber, solve_square};
+use crate::linalg::stacked::Factor;
 use crate::modulation::{Column, Signal};
 use crate::simd::Wide;
-
-/// Relative size below which a column is a combination of the others.
-const RANK: f64 = 1e-13;
 
 /// Which lane's rows, weighted how, made of which output.
 #[derive(Debug, Clone, Copy)]
@@ -21,84 +18,51 @@ pub(crate) struct Place {
     pub factors: LeftColumns,
 }
 
-/// Scratch of the fallback.
+/// Workspace of the fallback.
 #[derive(Debug, Clone)]
 pub(crate) struct QrStep {
-    record: Absorber,
-    all: Absorber,
+    factor: Factor,
     left: Vec<f64>,
     right: Vec<f64>,
-    square: Vec<f64>,
-    solution: Vec<f64>,
-    scale: Vec<f64>,
     theta: Vec<f64>,
     transient: Vec<f64>,
-    /// R of each record's transient with what it needs to be solved: rows × (size + 1).
-    kept: Vec<f64>,
 }
 
 impl QrStep {
     pub fn new(d: &Design) -> QrStep {
         let (p, size) = (d.parameters(), d.size());
-        let rows = 2 * d.tile.min(TILE);
         QrStep {
-            record: Absorber::new(size, rows),
-            all: Absorber::new(p, p),
+            factor: Factor::new(d.transient, p, d.records.len(), 2 * d.tile.min(TILE)).fused(),
             left: vec![0.0; 2 * size],
             right: vec![0.0; 2 * (size + 1)],
-            square: vec![0.0; p * (p + 1)],
-            solution: vec![0.0; p],
-            scale: vec![0.0; p],
             theta: vec![0.0; p],
             transient: vec![0.0; d.transient],
-            kept: vec![0.0; d.records.len() * d.transient * (size + 1)],
         }
     }
 
-    /// LeftColumns one lane's rows, records stacked. False where the columns are dependent.
+    /// Factors of one lane's rows, records stacked. False where the columns are dependent.
     fn factor(&mut self, d: &Design, records: &[RecordSpace], from: &Iterates, at: Place) -> bool {
-        let (p, nt, size) = (d.parameters(), d.transient, d.size());
-        let lane = at.lane;
+        let size = d.size();
         for (to, from) in self.theta.iter_mut().zip(&from.theta.now) {
-            *to = from.0[lane];
+            *to = from.0[at.lane];
         }
-        self.all.clear();
+        self.factor.clear();
         let mut full_rank = true;
         for (k, r) in records.iter().enumerate() {
             for (to, from) in self.transient.iter_mut().zip(&from.transients[k].now) {
-                *to = from.0[lane];
+                *to = from.0[at.lane];
             }
-            self.record.clear();
             for m in 0..r.limit {
                 self.rows(d, k, r, m, at);
             }
             for i in (0..r.tie.tied).filter(|_| r.tie.active) {
                 // T = 0 is left of a coefficient that follows θ.
                 let one = |j: usize| if j == i { 1.0 } else { 0.0 };
-                self.record.push((0..size).map(one), (0..=size).map(one));
+                self.factor.push((0..size).map(one), (0..=size).map(one));
             }
-            self.record.absorb();
-            for i in 0..nt {
-                let norm =
-                    (0..=i).fold(0.0, |s, q| self.record.r(q, i).mul_add(self.record.r(q, i), s));
-                full_rank &= self.record.r(i, i).abs() > RANK * norm.sqrt();
-                for j in 0..=size {
-                    let at = (k * nt + i) * (size + 1) + j;
-                    self.kept[at] = if j < nt { self.record.r(i, j) } else { self.record.qt(i, j) };
-                }
-            }
-            for i in nt..size {
-                let (record, all) = (&self.record, &mut self.all);
-                all.push((nt..size).map(|j| record.r(i, j)), (nt..=size).map(|j| record.qt(i, j)));
-            }
-            self.all.absorb();
+            full_rank &= self.factor.end_record(k);
         }
-        for j in 0..p {
-            let norm =
-                (0..=j).fold(0.0, |s, q| self.all.r(q, j).mul_add(self.all.r(q, j), s)).sqrt();
-            full_rank &= self.all.r(j, j).abs() > RANK * norm;
-        }
-        full_rank
+        full_rank & self.factor.is_independent()
     }
 
     /// Solves one lane: next θ and next T of every record. False where the columns are dependent.
@@ -109,34 +73,18 @@ impl QrStep {
         iterates: &mut Iterates,
         at: Place,
     ) -> bool {
-        let (p, nt, size) = (d.parameters(), d.transient, d.size());
-        let lane = at.lane;
+        let (p, lane) = (d.parameters(), at.lane);
         let mut full_rank = self.factor(d, records, iterates, at);
-        for i in 0..p {
-            for j in 0..=p {
-                self.square[i * (p + 1) + j] = self.all.qt(i, j);
-            }
-        }
-        let worst = solve_square(&mut self.square, p, &mut self.solution, &mut self.scale);
-        full_rank &= worst > RANK;
-        for (to, from) in iterates.theta.next.iter_mut().zip(&self.solution) {
+        full_rank &= self.factor.solve(|_| None);
+        let solution = self.factor.solution();
+        for (to, from) in iterates.theta.next.iter_mut().zip(solution) {
             to.0[lane] = *from;
         }
         for (k, transient) in iterates.transients.iter_mut().enumerate() {
-            for i in (0..nt).rev() {
-                let row = &self.kept[(k * nt + i) * (size + 1)..][..size + 1];
-                let mut sum = row[size];
-                for j in 0..p {
-                    sum = (-row[nt + j]).mul_add(self.solution[j], sum);
-                }
-                for (own, t) in row[..nt].iter().zip(&transient.next).skip(i + 1) {
-                    sum = (-own).mul_add(t.0[lane], sum);
-                }
-                transient.next[i].0[lane] = sum / row[i];
-            }
+            self.factor.solve_own(k, &mut transient.next, lane);
             let tie = &records[k].tie;
             for i in (0..tie.tied).filter(|_| tie.active) {
-                let row = tie.slopes[i * p..][..p].iter().zip(&self.solution);
+                let row = tie.slopes[i * p..][..p].iter().zip(solution);
                 transient.next[i].0[lane] =
                     row.fold(tie.base[i].0[lane], |sum, (d, x)| d.0[lane].mul_add(*x, sum));
             }
@@ -144,7 +92,7 @@ impl QrStep {
         full_rank
     }
 
-    /// Inverse of the normal matrix of one lane, (RᵀR)⁻¹, without ever squaring the condition number.
+    /// Inverse of the normal matrix of one lane, without ever squaring the condition number.
     pub fn inverse(
         &mut self,
         d: &Design,
@@ -152,27 +100,9 @@ impl QrStep {
         iterates: &Iterates,
         out: &mut [Wide],
         at: Place,
-    ) -> bool {
-        let p = d.parameters();
-        let full_rank = self.factor(d, records, iterates, at);
-        // Rows of R⁻¹ in `square`, upper triangular.
-        for c in 0..p {
-            for i in (0..p).rev() {
-                let one = if i == c { 1.0 } else { 0.0 };
-                let sum = (i + 1..p).fold(one, |s: f64, j| {
-                    (-self.all.r(i, j)).mul_add(self.square[j * (p + 1) + c], s)
-                });
-                self.square[i * (p + 1) + c] = sum / self.all.r(i, i);
-            }
-        }
-        for i in 0..p {
-            for j in 0..p {
-                let (a, b) = (&self.square[i * (p + 1)..][..p], &self.square[j * (p + 1)..][..p]);
-                let dot = a.iter().zip(b).fold(0.0, |s: f64, (x, y)| x.mul_add(*y, s));
-                out[i * p + j].0[at.lane] = dot;
-            }
-        }
-        full_rank
+    ) {
+        self.factor(d, records, iterates, at);
+        self.factor.inverse(out, at.lane);
     }
 
     /// The real and the imaginary row of a line, weighted, into the record's factors.
@@ -256,9 +186,9 @@ impl QrStep {
         if r.tie.active {
             self.tie(&r.tie, nt, size, lane);
         }
-        let (left, right, record) = (&self.left, &self.right, &mut self.record);
-        record.push(left[..size].iter().copied(), right[..=size].iter().copied());
-        record.push(left[size..].iter().copied(), right[size + 1..].iter().copied());
+        let (left, right, factor) = (&self.left, &self.right, &mut self.factor);
+        factor.push(left[..size].iter().copied(), right[..=size].iter().copied());
+        factor.push(left[size..].iter().copied(), right[size + 1..].iter().copied());
     }
 
     /// Puts T = t + Dθ into both rows of a line.

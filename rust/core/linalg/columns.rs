@@ -1,5 +1,6 @@
 //! Columns made orthonormal one after another: least squares where columns come and go at the right end.
 
+use super::qr::inverse_of_triangle;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
 /// A column of which less than this is left beside the ones before depends on them, unless told otherwise.
@@ -71,13 +72,7 @@ impl Columns {
     pub fn inverse(&self) -> Vec<f64> {
         let n = self.count;
         let mut inverse = vec![0.0; n * n];
-        for j in 0..n {
-            inverse[j * n + j] = 1.0 / self.r(j, j);
-            for i in (0..j).rev() {
-                let sum: f64 = (i + 1..=j).map(|k| self.r(i, k) * inverse[k * n + j]).sum();
-                inverse[i * n + j] = -sum / self.r(i, i);
-            }
-        }
+        inverse_of_triangle(n, |i, j| self.r(i, j), |s, a, b| s + a * b, &mut inverse);
         inverse
     }
 

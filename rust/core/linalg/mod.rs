@@ -7,3 +7,4 @@ pub(crate) mod eight;
 pub mod lanes;
 pub(crate) mod large;
 pub mod qr;
+pub(crate) mod stacked;

@@ -115,6 +115,24 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     sums.iter().sum::<f64>() + rest
 }
 
+/// R⁻¹ of an upper triangular matrix, row major, of which R(i, j) with i ≤ j is asked for; `add` makes s + ab. What
+/// stands in `inverse` is lost.
+pub(crate) fn inverse_of_triangle(
+    size: usize,
+    r: impl Fn(usize, usize) -> f64,
+    add: impl Fn(f64, f64, f64) -> f64,
+    inverse: &mut [f64],
+) {
+    inverse.fill(0.0);
+    for j in 0..size {
+        inverse[j * size + j] = 1.0 / r(j, j);
+        for i in (0..j).rev() {
+            let sum = (i + 1..=j).fold(0.0, |s, k| add(s, r(i, k), inverse[k * size + j]));
+            inverse[i * size + j] = -sum / r(i, i);
+        }
+    }
+}
+
 /// Solves the square system by elimination with column scaling and partial pivoting, in place.
 ///
 /// `a` is row major `size` × (`size` + 1) with the right side last; the solution replaces it. Returns

@@ -6,7 +6,7 @@ use crate::estimate::aliasing::Measured;
 use crate::estimate::iterates::{Iterates, Progress};
 use crate::estimate::spectral::Spectral;
 use crate::estimate::workspace::Kinds;
-use crate::linalg::qr::Absorber;
+use crate::linalg::stacked::Factor;
 use crate::math::ln_1;
 use crate::simd::{LANES, Wide};
 use crate::structure::CovType;
@@ -31,43 +31,6 @@ pub(crate) struct JointRecordSpace {
     /// Lines there are, and lines in use.
     pub lines: usize,
     pub limit: usize,
-}
-
-/// Scratch of a step by orthogonal factors.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct QrSpace {
-    pub record: Absorber,
-    pub all: Absorber,
-    pub left: Vec<f64>,
-    pub right: Vec<f64>,
-    pub square: Vec<f64>,
-    pub solution: Vec<f64>,
-    /// What moves, in order.
-    pub found: Vec<f64>,
-    pub scale: Vec<f64>,
-    /// R of each record's transient with what it needs to be solved.
-    pub kept: Vec<f64>,
-    /// Which parameters may move.
-    pub moving: Vec<usize>,
-}
-
-impl QrSpace {
-    fn new(d: &JointDesign) -> QrSpace {
-        let (p, size) = (d.parameters(), d.size());
-        let nt = d.transient.len();
-        QrSpace {
-            record: Absorber::new(size, 2 * d.tile * d.outputs()),
-            all: Absorber::new(p, p),
-            left: vec![0.0; size],
-            right: vec![0.0; size + 1],
-            square: vec![0.0; p * (p + 1)],
-            solution: vec![0.0; p],
-            found: vec![0.0; p],
-            scale: vec![0.0; p],
-            kept: vec![0.0; d.records.len() * nt * (size + 1)],
-            moving: Vec::with_capacity(p),
-        }
-    }
 }
 
 /// Scratch for one [`JointDesign`].
@@ -132,7 +95,8 @@ pub struct JointSpace {
     pub(crate) left_over: [Wide; 2],
     pub(crate) z: [Vec<Wide>; 2],
     pub(crate) row: [Vec<Wide>; 2],
-    pub(crate) qr: QrSpace,
+    /// Of a step by orthogonal factors.
+    pub(crate) qr: Factor,
 }
 
 impl JointSpace {
@@ -183,7 +147,7 @@ impl JointSpace {
             shared: wide(d.pairs() * p * p),
             z: pair(p),
             row: pair(p),
-            qr: QrSpace::new(d),
+            qr: Factor::new(nt, p, d.records.len(), 2 * d.tile * q),
             ..JointSpace::shared(d, Across::Replicates, false)
         }
     }
