@@ -53,10 +53,13 @@ pub(crate) struct Sampled {
     pub variances: [f64; 2],
 }
 
-/// What is fitted: equations that are linear in the outputs, on the lines of records.
+/// What is fitted: equations that are linear in the outputs, on the lines of records. Where nothing else is said, one
+/// equation with one noise as it comes.
 pub(crate) trait Linear {
     /// Outputs, as many as equations.
-    fn outputs(&self) -> usize;
+    fn outputs(&self) -> usize {
+        1
+    }
     /// Parameters θ.
     fn parameters(&self) -> usize;
     /// Columns of the transient of a record.
@@ -66,13 +69,19 @@ pub(crate) trait Linear {
     /// One of them.
     fn record(&self, record: usize) -> Sampled;
     /// Noises that drive the equations.
-    fn noises(&self) -> usize;
+    fn noises(&self) -> usize {
+        1
+    }
     /// Whether the samples have noise, too.
     fn measured(&self) -> bool;
     /// Least and most of a parameter.
-    fn bounds(&self, parameter: usize) -> (f64, f64);
+    fn bounds(&self, _parameter: usize) -> (f64, f64) {
+        (f64::NEG_INFINITY, f64::INFINITY)
+    }
     /// What is known of parameters beforehand.
-    fn priors(&self) -> &[Prior];
+    fn priors(&self) -> &[Prior] {
+        &[]
+    }
     /// Makes ready for lines at θ.
     fn set(&mut self, theta: &[f64]);
     /// A, r = AY − BU, and the sum of sizes in each entry of A.
@@ -88,27 +97,33 @@ pub(crate) trait Linear {
         r: &mut [C],
     ) -> bool;
     /// How one of the noises enters the equations: a column of G.
-    fn enters(&self, record: usize, line: usize, noise: usize, to: &mut [C]);
+    fn enters(&self, _record: usize, _line: usize, _noise: usize, to: &mut [C]) {
+        to[0] = (1.0, 0.0);
+    }
     /// ∂G by a parameter, alike; whether it depends on that.
     fn enters_slope(
         &self,
-        record: usize,
-        line: usize,
-        parameter: usize,
-        noise: usize,
-        to: &mut [C],
-    ) -> bool;
+        _record: usize,
+        _line: usize,
+        _parameter: usize,
+        _noise: usize,
+        _to: &mut [C],
+    ) -> bool {
+        false
+    }
     /// A column of the transient in each equation.
     fn transient(&self, record: usize, line: usize, column: usize, to: &mut [C]);
     /// Its derivative by a parameter; whether it depends on that.
     fn transient_slope(
         &self,
-        record: usize,
-        line: usize,
-        column: usize,
-        parameter: usize,
-        to: &mut [C],
-    ) -> bool;
+        _record: usize,
+        _line: usize,
+        _column: usize,
+        _parameter: usize,
+        _to: &mut [C],
+    ) -> bool {
+        false
+    }
 }
 
 /// Rows of one record: Re of the first output on all lines, then Im, then the other outputs, in whole blocks of eight.

@@ -2,7 +2,6 @@
 
 use super::{C, Driven, Found, Linear, Sampled, plus, times};
 use crate::estimate::design::Design;
-use crate::estimate::prior::Prior;
 use crate::estimate::record_space::RecordSpace;
 use crate::modulation::{Column, Signal};
 use crate::structure::Noise;
@@ -72,10 +71,6 @@ impl Output<'_> {
 }
 
 impl Linear for Output<'_> {
-    fn outputs(&self) -> usize {
-        1
-    }
-
     fn parameters(&self) -> usize {
         self.d.parameters()
     }
@@ -99,32 +94,8 @@ impl Linear for Output<'_> {
         Sampled { lines: own.x.len(), from_zero: own.lines.first == 0, variances: [unit, inside] }
     }
 
-    fn noises(&self) -> usize {
-        1
-    }
-
-    fn enters(&self, _: usize, _: usize, _: usize, to: &mut [C]) {
-        to[0] = (1.0, 0.0);
-    }
-
-    fn enters_slope(&self, _: usize, _: usize, _: usize, _: usize, _: &mut [C]) -> bool {
-        false
-    }
-
-    fn transient_slope(&self, _: usize, _: usize, _: usize, _: usize, _: &mut [C]) -> bool {
-        false
-    }
-
     fn measured(&self) -> bool {
         self.d.noise == Noise::Process
-    }
-
-    fn bounds(&self, _: usize) -> (f64, f64) {
-        (f64::NEG_INFINITY, f64::INFINITY)
-    }
-
-    fn priors(&self) -> &[Prior] {
-        &[]
     }
 
     fn set(&mut self, theta: &[f64]) {

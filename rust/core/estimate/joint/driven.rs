@@ -59,10 +59,6 @@ fn power(x: f64, k: usize) -> C {
 }
 
 impl Linear for Row<'_> {
-    fn outputs(&self) -> usize {
-        1
-    }
-
     fn parameters(&self) -> usize {
         self.d.parameters()
     }
@@ -82,22 +78,6 @@ impl Linear for Row<'_> {
             from_zero: own.lines.first == 0,
             variances: [own.lines.unit_variance, own.lines.omega0 / std::f64::consts::TAU],
         }
-    }
-
-    fn noises(&self) -> usize {
-        1
-    }
-
-    fn enters(&self, _: usize, _: usize, _: usize, to: &mut [C]) {
-        to[0] = (1.0, 0.0);
-    }
-
-    fn enters_slope(&self, _: usize, _: usize, _: usize, _: usize, _: &mut [C]) -> bool {
-        false
-    }
-
-    fn transient_slope(&self, _: usize, _: usize, _: usize, _: usize, _: &mut [C]) -> bool {
-        false
     }
 
     fn measured(&self) -> bool {
