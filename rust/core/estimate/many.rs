@@ -1,5 +1,6 @@
 //! Results of many fits.
 
+use super::answer::Answer;
 use super::design::Design;
 use super::driven::output::Levels;
 use super::outcome::Outcome;
@@ -43,6 +44,22 @@ impl Many {
         self.cost.push(w.cost(lane) * d.cost_unit() * d.cost_unit());
         self.nit.push(outcome.nit[lane]);
         self.levels.extend(w.refined.as_ref().map(|refined| refined.levels(d, lane)));
+    }
+
+    /// Adds one fit by itself.
+    pub(super) fn push_answer(&mut self, own: &Answer) {
+        let errors = |cov: &[f64]| {
+            let variances = cov.iter().step_by(own.theta.len() + 1);
+            variances.map(|v| v.sqrt()).collect::<Vec<f64>>()
+        };
+        self.theta.extend(&own.theta);
+        self.bse_nonrobust.extend(errors(&own.cov_nonrobust));
+        self.bse_hc3.extend(errors(&own.cov_hc3));
+        self.bse_spectral.extend(errors(&own.cov_spectral));
+        self.degrees.extend(&own.degrees);
+        self.status.push(own.status);
+        self.cost.push(own.cost);
+        self.nit.push(own.nit);
     }
 
     pub(super) fn append(&mut self, mut other: Many) {

@@ -321,23 +321,9 @@ impl Slider for JointFitter {
     }
 
     fn answers(&self, moments: &[Spectra]) -> Result<Many, Error> {
-        let p = self.parameters();
-        let errors = |cov: &[f64]| (0..p).map(|k| cov[k * (p + 1)].sqrt()).collect();
         let mut many = Many::default();
         for spectra in moments {
-            let f = self.fit_coefficients(spectra.clone())?.answer;
-            many.append(Many {
-                bse_nonrobust: errors(&f.cov_nonrobust),
-                bse_hc3: errors(&f.cov_hc3),
-                bse_spectral: errors(&f.cov_spectral),
-                degrees: f.degrees,
-                theta: f.theta,
-                status: vec![f.status],
-                cost: vec![f.cost],
-                nit: vec![f.nit],
-                hc3_degrees: Vec::new(),
-                levels: Vec::new(),
-            });
+            many.push_answer(&self.fit_coefficients(spectra.clone())?.answer);
         }
         Ok(many)
     }

@@ -1,7 +1,10 @@
 //! What an estimate is worth: covariances, degrees of freedom, the share of each kind of noise.
 
+use super::search::Sought;
 use super::small::{add_outer, apply, square};
 use super::{Block, Driven, Found, Linear};
+use crate::error::Status;
+use crate::estimate::answer::unit_diagonal;
 
 /// Relative change of an unknown by which the slopes of shares are taken.
 const CHANGE: f64 = 1e-5;
@@ -91,6 +94,29 @@ impl Driven {
     /// Whether a parameter was held at its bound.
     pub fn is_held(&self, parameter: usize) -> bool {
         self.held[parameter]
+    }
+
+    /// θ by θ of an entry like [`Driven::covariance`], row major.
+    pub fn square(&self, entry: impl Fn(usize, usize) -> f64) -> Vec<f64> {
+        let p = self.parameters;
+        (0..p * p).map(|k| entry(k / p, k % p)).collect()
+    }
+
+    /// The normal matrix with a unit diagonal.
+    pub fn unit_gram(&self) -> Vec<f64> {
+        let p = self.parameters;
+        unit_diagonal(|k| self.gram(k / p, k % p), p)
+    }
+
+    /// How the search ended, at this cost.
+    pub fn status(&self, cost: f64, found: &Found, sought: &Sought) -> Status {
+        let lost = (0..self.parameters).any(|k| self.is_dependent(k) && !self.is_held(k));
+        match (cost.is_finite() && found.theta.iter().all(|t| t.is_finite()), lost) {
+            (false, _) => Status::NonFinite,
+            (_, true) => Status::Rank,
+            _ if sought.settled => Status::Ok,
+            _ => Status::MaxIter,
+        }
     }
 
     /// Degrees of freedom of the variance of a parameter, from the scatter of the levels that it rests on.

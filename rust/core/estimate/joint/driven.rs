@@ -169,28 +169,16 @@ impl JointFitter {
         let equation = (0..d.structure.orders[0]).fold(d.units[0], |own, _| own * d.band_edge);
         let scale: Vec<f64> = (0..p).map(|k| d.parameter_scale(k)).collect();
         let Levels { values, cov, shares } = in_units(&found, &scale, [unit, equation * equation]);
-        let square = |of: &dyn Fn(usize, usize) -> f64, scale: &dyn Fn(usize) -> f64| {
-            let each = (0..p * p).map(|k| of(k / p, k % p) * scale(k / p) * scale(k % p));
-            each.collect::<Vec<f64>>()
-        };
-        let sizes: Vec<f64> = (0..p).map(|k| driven.gram(k, k).sqrt()).collect();
-        let lost = (0..p).any(|k| driven.is_dependent(k) && !driven.is_held(k));
-        let sound = cost.is_finite() && found.theta.iter().all(|t| t.is_finite());
         let answer = &mut fit.answer;
-        answer.status = match (sound, lost, sought.settled) {
-            (false, ..) => Status::NonFinite,
-            (_, true, _) => Status::Rank,
-            (_, _, true) => Status::Ok,
-            _ => Status::MaxIter,
-        };
+        answer.status = driven.status(cost, &found, &sought);
         let useless = matches!(answer.status, Status::NonFinite | Status::Rank);
         let own = |k: usize| if useless { f64::NAN } else { scale[k] };
         answer.nit = ended.nit + sought.steps as u32;
         answer.theta = found.theta.iter().zip(&scale).map(|(t, unit)| t * unit).collect();
-        answer.cov_nonrobust = square(&|i, j| driven.covariance(i, j), &own);
+        answer.cov_nonrobust = driven.square(|i, j| driven.covariance(i, j) * own(i) * own(j));
         answer.cov_spectral.clone_from(&answer.cov_nonrobust);
-        answer.cov_hc3 = square(&|i, j| driven.sandwich(i, j), &own);
-        answer.gram = square(&|i, j| driven.gram(i, j), &|k| 1.0 / sizes[k]);
+        answer.cov_hc3 = driven.square(|i, j| driven.sandwich(i, j) * own(i) * own(j));
+        answer.gram = driven.unit_gram();
         answer.degrees = (0..p).map(|k| driven.degrees(k)).collect();
         answer.cost = cost;
         let variance = cost / freedom;

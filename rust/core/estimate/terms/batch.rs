@@ -106,21 +106,11 @@ impl TermsFitter {
 impl Many {
     /// Adds one fit.
     fn push_terms(&mut self, fit: &TermsFit) {
-        let own = &fit.answer;
-        let p = own.theta.len();
-        let failed = matches!(own.status, Status::Rank | Status::NonFinite);
-        let errors = |cov: &[f64]| (0..p).map(|k| cov[k * (p + 1)].sqrt()).collect::<Vec<f64>>();
-        match failed {
-            true => self.theta.extend(std::iter::repeat_n(f64::NAN, p)),
-            false => self.theta.extend(&own.theta),
+        let (own, first) = (&fit.answer, self.theta.len());
+        self.push_answer(own);
+        if matches!(own.status, Status::Rank | Status::NonFinite) {
+            self.theta[first..].fill(f64::NAN);
         }
-        self.bse_nonrobust.extend(errors(&own.cov_nonrobust));
-        self.bse_hc3.extend(errors(&own.cov_hc3));
-        self.bse_spectral.extend(errors(&own.cov_spectral));
-        self.degrees.extend(&own.degrees);
-        self.status.push(own.status);
-        self.cost.push(own.cost);
-        self.nit.push(own.nit);
         self.hc3_degrees.extend(&fit.hc3_degrees);
         self.levels.extend(fit.driven.clone());
     }

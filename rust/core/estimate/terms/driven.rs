@@ -392,26 +392,14 @@ impl TermsFitter {
         let freedom = problem.degrees_of_freedom().saturating_sub(more).max(1);
         let cost = driven.cost(freedom as f64);
         driven.uncertainty(&mut rows, &mut found);
-        let square = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
-            (0..p * p).map(|k| of(k / p, k % p)).collect()
-        };
-        let sound = cost.is_finite() && found.theta.iter().all(|t| t.is_finite());
-        let lost = (0..p).any(|k| driven.is_dependent(k) && !driven.is_held(k));
-        let status = match (sound, lost, sought.settled) {
-            (false, ..) => Status::NonFinite,
-            (_, true, _) => Status::Rank,
-            (_, _, true) => Status::Ok,
-            _ => Status::MaxIter,
-        };
-        let sizes: Vec<f64> = (0..p).map(|k| driven.gram(k, k).sqrt()).collect();
-        let gram = |i: usize, j: usize| driven.gram(i, j) / (sizes[i] * sizes[j]);
+        let status = driven.status(cost, &found, &sought);
         let each: Vec<_> = (0..q).map(|k| driven.residuals(&found, k)).collect();
         let residuals =
             (0..own.len()).map(|r| each.iter().map(|k| k[r].clone()).collect()).collect();
         Ok(DrivenTerms {
-            nonrobust: square(&|i, j| driven.covariance(i, j)),
-            hc3: square(&|i, j| driven.sandwich(i, j)),
-            gram: square(&gram),
+            nonrobust: driven.square(|i, j| driven.covariance(i, j)),
+            hc3: driven.square(|i, j| driven.sandwich(i, j)),
+            gram: driven.unit_gram(),
             degrees: (0..p).map(|k| driven.degrees(k)).collect(),
             residuals,
             distance: driven.distance(),
