@@ -19,8 +19,8 @@ pub(super) fn complete(
     if !straight::finish(isa, d, w, live, covariance) {
         uncertainty::finish(isa, d, w, live, covariance);
     }
-    if covariance && w.kinds.spectral {
-        let (spectral, by) = (&mut w.spectral, 1.0 / d.degrees_of_freedom() as f64);
+    if covariance && w.covariances.kinds.spectral {
+        let (spectral, by) = (&mut w.covariances.spectral, 1.0 / d.degrees_of_freedom() as f64);
         isa.run(Finish { spectral, bins: &d.bins, cost: &w.progress.cost, by });
     }
 }
@@ -28,7 +28,7 @@ pub(super) fn complete(
 /// Statuses of all lanes where they stand.
 pub(super) fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Status; LANES] {
     let theta = &w.iterates.theta.now;
-    let covariances = with_covariance.then_some([&w.cov_nonrobust[..], &w.cov_hc3[..]]);
+    let covariances = with_covariance.then(|| w.covariances.judged());
     let lost = lost_lanes(w.dependent, covariances, theta.len());
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
     statuses(theta, |k| d.scale[k], &w.progress, lost, data)

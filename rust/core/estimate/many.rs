@@ -1,11 +1,13 @@
 //! Results of many fits.
 
 use super::answer::Answer;
+use super::covariances::Covariances;
 use super::design::Design;
 use super::driven::output::Levels;
 use super::outcome::Outcome;
 use super::workspace::Workspace;
 use crate::error::Status;
+use crate::structure::CovType;
 
 /// Results of many fits, replicate after replicate.
 #[derive(Debug, Clone, Default)]
@@ -36,14 +38,24 @@ impl Many {
     /// Adds one lane's results.
     pub(super) fn push(&mut self, d: &Design, w: &Workspace, lane: usize, outcome: &Outcome) {
         self.theta.extend(w.theta(d, lane));
-        self.bse_nonrobust.extend(w.bse_nonrobust(d, lane));
-        self.bse_hc3.extend(w.bse_hc3(d, lane));
-        self.bse_spectral.extend(w.bse_spectral(d, lane));
-        self.degrees.extend(w.degrees(lane));
+        self.push_errors(&w.covariances, lane, |k| d.scale[k]);
         self.status.push(outcome.status[lane]);
         self.cost.push(w.cost(lane) * d.cost_unit() * d.cost_unit());
         self.nit.push(outcome.nit[lane]);
         self.levels.extend(w.refined.as_ref().map(|refined| refined.levels(d, lane)));
+    }
+
+    /// Adds standard errors of one lane, with the unit of each parameter.
+    pub(super) fn push_errors(
+        &mut self,
+        from: &Covariances,
+        lane: usize,
+        unit: impl Fn(usize) -> f64,
+    ) {
+        self.bse_nonrobust.extend(from.errors(CovType::Nonrobust, lane, &unit));
+        self.bse_hc3.extend(from.errors(CovType::Hc3, lane, &unit));
+        self.bse_spectral.extend(from.errors(CovType::Spectral, lane, &unit));
+        self.degrees.extend(from.degrees(lane));
     }
 
     /// Adds one fit by itself.

@@ -9,6 +9,7 @@ mod awls;
 mod band;
 pub(crate) mod batch;
 mod completion;
+pub(crate) mod covariances;
 mod default_band;
 mod design;
 mod driven;

@@ -40,12 +40,12 @@ pub(super) fn refine(
             driven.uncertainty(&mut output, found);
             for k in 0..p * p {
                 let (i, j) = (k / p, k % p);
-                w.cov_nonrobust[k].0[lane] = driven.covariance(i, j);
-                w.spectral.cov[k].0[lane] = driven.covariance(i, j);
-                w.cov_hc3[k].0[lane] = driven.sandwich(i, j);
+                w.covariances.nonrobust[k].0[lane] = driven.covariance(i, j);
+                w.covariances.spectral.cov[k].0[lane] = driven.covariance(i, j);
+                w.covariances.hc3[k].0[lane] = driven.sandwich(i, j);
                 w.gram[k].0[lane] = driven.gram(i, j);
             }
-            for (k, to) in w.spectral.degrees.iter_mut().enumerate() {
+            for (k, to) in w.covariances.spectral.degrees.iter_mut().enumerate() {
                 to.0[lane] = driven.degrees(k);
                 w.dependent[lane] |= driven.is_dependent(k);
             }

@@ -90,7 +90,7 @@ pub fn estimate(
     let status = status(d, w, asked);
     if asked {
         let lost = |k: &usize| matches!(status[*k], Status::Rank | Status::NonFinite);
-        (0..LANES).filter(lost).for_each(|k| w.forget_covariance(k));
+        (0..LANES).filter(lost).for_each(|k| w.covariances.forget(k));
     }
     Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) }
 }

@@ -152,10 +152,10 @@ mod tests {
                             lanes(&w.iterates.transients[0].now),
                             lanes(&[w.progress.cost]),
                             lanes(&w.gram),
-                            lanes(&w.cov_nonrobust),
-                            lanes(&w.cov_hc3),
-                            lanes(&w.spectral.cov),
-                            lanes(&w.spectral.degrees),
+                            lanes(&w.covariances.nonrobust),
+                            lanes(&w.covariances.hc3),
+                            lanes(&w.covariances.spectral.cov),
+                            lanes(&w.covariances.spectral.degrees),
                         ];
                         (outcome, numbers)
                     });

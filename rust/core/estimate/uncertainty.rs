@@ -13,12 +13,13 @@
 //! e_i the residual, h_i the leverage of the row. HC3 assumes nothing about the colour of the noise. Where the
 //! instruments are the weighted columns themselves (`awls`, and `ml` with J for Γ) the classical one is σ̂²(J* S⁻¹ J)⁻¹.
 
+use super::covariances::Kinds;
 use super::design::Design;
 use super::ls::column_value;
 use super::normal_equations::{LeftColumns, RowWeights};
 use super::pass::{add_parameter_block, lines, prepare, record_system, tiles};
 use super::qr_step::Place;
-use super::workspace::{Kinds, Workspace};
+use super::workspace::Workspace;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::modulation::Signal;
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
@@ -46,7 +47,7 @@ pub(crate) fn finish(
     for lane in (0..LANES).filter(|k| live[*k]) {
         mend_inverse(d, w, lane);
     }
-    isa.run(Covariances { design: d, space: w });
+    isa.run(Sandwich { design: d, space: w });
 }
 
 /// Takes the inverse of one lane from orthogonal factors where its pivots were too small.
@@ -104,12 +105,12 @@ impl Kernel for Information<'_> {
 }
 
 /// Both covariances from H, the instruments and the residuals.
-struct Covariances<'a> {
+struct Sandwich<'a> {
     design: &'a Design,
     space: &'a mut Workspace,
 }
 
-impl Kernel for Covariances<'_> {
+impl Kernel for Sandwich<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
@@ -224,11 +225,11 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
     let p = d.parameters();
     let (differenced, flat) = (d.method == Method::Ls, d.keeps_flat_weights());
     let size = if differenced { d.ls_size() } else { p };
-    w.cov_hc3.fill(Wide::ZERO);
-    w.cov_nonrobust.fill(Wide::ZERO);
-    w.spectral.clear();
+    w.covariances.hc3.fill(Wide::ZERO);
+    w.covariances.nonrobust.fill(Wide::ZERO);
+    w.covariances.spectral.clear();
     let sandwich = differenced || flat;
-    let Kinds { hc3, spectral } = w.kinds;
+    let Kinds { hc3, spectral } = w.covariances.kinds;
     // Leverages of an oblique projection are no fractions: those of `ls` pass one.
     let floor = L::splat(if differenced { OBLIQUE_LEVERAGE } else { LEVERAGE });
     for k in 0..w.records.len() {
@@ -245,11 +246,17 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
                     freedom((own.0.mul_add(weight, h_re), own.1.mul_add(weight, h_im)), floor);
                 if hc3 {
                     let f = deleted((e_re, e_im), left);
-                    outer::<L>(&w.influence_re, &w.influence_im, f, p, &mut w.cov_hc3);
+                    outer::<L>(&w.influence_re, &w.influence_im, f, p, &mut w.covariances.hc3);
                 }
                 let v = L::splat(1.0) / weight;
                 if sandwich {
-                    outer::<L>(&w.influence_re, &w.influence_im, (v, v), p, &mut w.cov_nonrobust);
+                    outer::<L>(
+                        &w.influence_re,
+                        &w.influence_im,
+                        (v, v),
+                        p,
+                        &mut w.covariances.nonrobust,
+                    );
                 }
                 if !spectral {
                     continue;
@@ -257,20 +264,20 @@ fn covariances<L: Lanes>(d: &Design, w: &mut Workspace, weights: RowWeights) {
                 let bin = d.bins.of[k][m];
                 let square = e_im.mul_add(e_im, e_re * e_re) * weight;
                 let left = if d.records[k].lines.first + m == 0 { left.0 } else { left.0 + left.1 };
-                w.spectral.add(bin, square, left);
-                w.spectral.add_products(bin, (&w.influence_re, &w.influence_im), v);
+                w.covariances.spectral.add(bin, square, left);
+                w.covariances.spectral.add_products(bin, (&w.influence_re, &w.influence_im), v);
             }
         }
     }
-    mirror(p, &mut w.cov_hc3);
+    mirror(p, &mut w.covariances.hc3);
     let variance = L::load(&w.progress.cost) * L::splat(1.0 / d.degrees_of_freedom() as f64);
     if sandwich {
-        for own in &mut w.cov_nonrobust {
+        for own in &mut w.covariances.nonrobust {
             (L::load(own) * variance).store(own);
         }
-        mirror(p, &mut w.cov_nonrobust);
+        mirror(p, &mut w.covariances.nonrobust);
     } else {
-        scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust);
+        scale::<L>(variance, &w.inverse, &mut w.covariances.nonrobust);
     }
 }
 

@@ -3,36 +3,16 @@
 use std::sync::Arc;
 
 use super::aliasing::Measured;
+use super::covariances::Covariances;
 use super::design::Design;
 use super::driven::output::Refined;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
 use super::record_space::RecordSpace;
 use super::rest::{Drives, Tie};
-use super::spectral::Spectral;
 use super::straight::tables::Space;
 use crate::simd::{LANES, Wide};
 use crate::structure::CovType;
-
-/// Which covariances are computed besides the classical one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Kinds {
-    pub hc3: bool,
-    pub spectral: bool,
-}
-
-impl Default for Kinds {
-    fn default() -> Kinds {
-        Kinds { hc3: true, spectral: true }
-    }
-}
-
-impl Kinds {
-    /// What is needed for one kind.
-    pub fn only(kind: CovType) -> Kinds {
-        Kinds { hc3: kind == CovType::Hc3, spectral: kind == CovType::Spectral }
-    }
-}
 
 /// Scratch for one [`Design`].
 #[derive(Debug, Clone)]
@@ -74,12 +54,7 @@ pub struct Workspace {
     pub(crate) ls_normal: Vec<Wide>,
     pub(crate) work: Vec<Wide>,
     /// Covariances of θ in units of the band edge, and the normal matrix.
-    pub(crate) cov_hc3: Vec<Wide>,
-    pub(crate) cov_nonrobust: Vec<Wide>,
-    /// What is computed of them.
-    pub(crate) kinds: Kinds,
-    /// What is known of the noise spectrum, and the covariance that follows.
-    pub(crate) spectral: Spectral,
+    pub(crate) covariances: Covariances,
     pub(crate) gram: Vec<Wide>,
     /// Where noise drives the system, once it was needed.
     pub(crate) refined: Option<Box<Refined>>,
@@ -159,10 +134,7 @@ impl Workspace {
             square: wide((extra * extra).max(d.transient * d.transient)),
             ls_normal: wide(extra * extra),
             work: wide(size.max(extra) * (size.max(extra) + 1)),
-            cov_hc3: wide(p * p),
-            cov_nonrobust: wide(p * p),
-            kinds: Kinds::default(),
-            spectral: Spectral::new(d.bins.terms.len(), 1, p),
+            covariances: Covariances::new(p, d.bins.terms.len(), 1),
             gram: wide(p * p),
             refined: None,
             row_re: wide(extra + 1),
@@ -215,14 +187,6 @@ impl Workspace {
         self.straight.output_ready = false;
     }
 
-    /// No covariance rather than a wrong one, where the parameters are not determined.
-    pub(crate) fn forget_covariance(&mut self, k: usize) {
-        let others = self.cov_nonrobust.iter_mut().chain(&mut self.spectral.cov);
-        for c in self.cov_hc3.iter_mut().chain(others) {
-            c.0[k] = f64::NAN;
-        }
-    }
-
     /// θ of one lane in the user's units.
     pub fn theta<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
         self.iterates.theta.now.iter().zip(&d.scale).map(move |(t, s)| t.0[lane] * s)
@@ -238,75 +202,13 @@ impl Workspace {
         self.iterates.theta.now[k].0.map(|t| t * d.scale[k])
     }
 
-    /// Variance of parameter `k` of every lane in the user's units.
-    pub(crate) fn parameter_variance(&self, d: &Design, k: usize, kind: CovType) -> [f64; LANES] {
-        let cov = match kind {
-            CovType::Nonrobust => &self.cov_nonrobust,
-            CovType::Hc3 => &self.cov_hc3,
-            CovType::Spectral => &self.spectral.cov,
-        };
-        let scale = d.scale[k] * d.scale[k];
-        cov[k * (d.parameters() + 1)].0.map(|v| v * scale)
-    }
-
-    /// Standard errors of one lane from the diagonal of a covariance.
-    fn bse<'a>(cov: &'a [Wide], d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
-        let p = d.parameters();
-        d.scale.iter().enumerate().map(move |(k, s)| cov[k * (p + 1)].0[lane].sqrt() * s)
-    }
-
-    /// HC3 standard errors of one lane.
-    pub fn bse_hc3<'a>(&'a self, d: &'a Design, lane: usize) -> impl Iterator<Item = f64> + 'a {
-        Self::bse(&self.cov_hc3, d, lane)
-    }
-
-    /// Standard errors of one lane from a smooth noise spectrum.
-    pub fn bse_spectral<'a>(
-        &'a self,
-        d: &'a Design,
-        lane: usize,
-    ) -> impl Iterator<Item = f64> + 'a {
-        Self::bse(&self.spectral.cov, d, lane)
-    }
-
-    /// Degrees of freedom of each of these in one lane.
-    pub fn degrees(&self, lane: usize) -> impl Iterator<Item = f64> + '_ {
-        self.spectral.degrees.iter().map(move |v| v.0[lane])
-    }
-
-    /// Classical standard errors of one lane.
-    pub fn bse_nonrobust<'a>(
-        &'a self,
-        d: &'a Design,
-        lane: usize,
-    ) -> impl Iterator<Item = f64> + 'a {
-        Self::bse(&self.cov_nonrobust, d, lane)
-    }
-
     /// Whitened squared residuals of one lane, summed.
     pub fn cost(&self, lane: usize) -> f64 {
         self.progress.cost.0[lane]
     }
 
-    /// A covariance of one lane in the user's units, row major.
-    fn covariance(cov: &[Wide], d: &Design, lane: usize) -> Vec<f64> {
-        let p = d.parameters();
-        let at = |k: usize| cov[k].0[lane] * d.scale[k / p] * d.scale[k % p];
-        (0..p * p).map(at).collect()
-    }
-
-    /// HC3 covariance of one lane.
-    pub fn cov_hc3(&self, d: &Design, lane: usize) -> Vec<f64> {
-        Self::covariance(&self.cov_hc3, d, lane)
-    }
-
-    /// Covariance of one lane from a smooth noise spectrum.
-    pub fn cov_spectral(&self, d: &Design, lane: usize) -> Vec<f64> {
-        Self::covariance(&self.spectral.cov, d, lane)
-    }
-
-    /// Classical covariance of one lane.
-    pub fn cov_nonrobust(&self, d: &Design, lane: usize) -> Vec<f64> {
-        Self::covariance(&self.cov_nonrobust, d, lane)
+    /// Covariance of one lane in the user's units, row major.
+    pub fn covariance(&self, d: &Design, lane: usize, kind: CovType) -> Vec<f64> {
+        self.covariances.square(kind, lane, |k| d.scale[k])
     }
 }

@@ -3,8 +3,8 @@
 use super::plan::{GroupPlan, Problem, Task};
 use crate::error::Error;
 use crate::estimate::batch::load;
+use crate::estimate::covariances::Kinds;
 use crate::estimate::joint::JointSpace;
-use crate::estimate::workspace::Kinds;
 use crate::estimate::{Outcome, Start, Workspace, estimate};
 use crate::simd::{Isa, LANES, Wide};
 
@@ -28,7 +28,7 @@ impl Space {
                 if let Some(known) = d.known_start.as_ref().filter(|known| !known.periodic()) {
                     space.set_drives(known.drives(0, &[], |_, input| &g.u[input]));
                 }
-                space.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
+                space.covariances.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
                 Space::Plain(Box::new(space))
             }
             Problem::Joint(shared) => {
@@ -37,7 +37,7 @@ impl Space {
                 for (k, (re, im)) in task.inputs.iter().enumerate() {
                     shared.load(&mut space, outputs + k, &splat(re), &splat(im));
                 }
-                space.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
+                space.covariances.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
                 Space::Joint(Box::new(space))
             }
         }
@@ -94,10 +94,10 @@ impl Space {
     pub fn parameter_variance(&self, task: &Task, k: usize) -> [f64; LANES] {
         match (self, &task.problem, task.intervals) {
             (Space::Plain(space), Problem::Plain(shared), Some(kind)) => {
-                space.parameter_variance(&shared.design, k, kind)
+                space.covariances.variance(kind, k, shared.design.scale[k])
             }
             (Space::Joint(space), Problem::Joint(shared), Some(kind)) => {
-                space.parameter_variance(&shared.design, k, kind)
+                space.covariances.variance(kind, k, shared.design.parameter_scale(k))
             }
             _ => [f64::NAN; LANES],
         }
@@ -106,8 +106,8 @@ impl Space {
     /// Degrees of freedom of the variance of parameter `k` of every lane, where the noise spectrum is estimated.
     pub fn degrees(&self, k: usize) -> [f64; LANES] {
         match self {
-            Space::Plain(space) => space.spectral.degrees[k].0,
-            Space::Joint(space) => space.spectral.degrees[k].0,
+            Space::Plain(space) => space.covariances.spectral.degrees[k].0,
+            Space::Joint(space) => space.covariances.spectral.degrees[k].0,
         }
     }
 }

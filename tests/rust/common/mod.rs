@@ -8,7 +8,7 @@ use modfun::quadrature::Rule;
 use modfun::rng::{Purpose, fill};
 use modfun::simd::{Isa, LANES, Wide};
 use modfun::spectrum::{CoefficientPlan, Kind};
-use modfun::structure::{Method, Noise, Structure, Trend};
+use modfun::structure::{CovType, Method, Noise, Structure, Trend};
 
 pub const INTERVALS: usize = 256;
 pub const DURATION: f64 = 10.0;
@@ -105,8 +105,8 @@ pub fn load(space: &mut Workspace, d: &Design, block: &Block) {
 
 /// All of a lane's results as bits: θ, cost, both covariances, status, iterations.
 pub fn bits(d: &Design, w: &Workspace, outcome: &Outcome, lane: usize) -> Vec<u64> {
-    let numbers = w.theta(d, lane).chain([w.cost(lane)]).chain(w.cov_hc3(d, lane));
-    let bits = numbers.chain(w.cov_nonrobust(d, lane)).map(f64::to_bits);
+    let numbers = w.theta(d, lane).chain([w.cost(lane)]).chain(w.covariance(d, lane, CovType::Hc3));
+    let bits = numbers.chain(w.covariance(d, lane, CovType::Nonrobust)).map(f64::to_bits);
     bits.chain([outcome.status[lane] as u64, u64::from(outcome.nit[lane])]).collect()
 }
 

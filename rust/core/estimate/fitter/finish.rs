@@ -10,6 +10,7 @@ use crate::estimate::outcome::End;
 use crate::estimate::replicates::estimate;
 use crate::estimate::uncertainty::Residuals;
 use crate::simd::{LANES, Wide};
+use crate::structure::CovType;
 
 impl Fitter {
     /// The estimate on the chosen lines with everything a user sees; of several starts the best.
@@ -37,11 +38,11 @@ impl Fitter {
         let mut fit = Fit {
             answer: Answer {
                 theta: w.theta(d, lane).collect(),
-                cov_nonrobust: w.cov_nonrobust(d, lane),
-                cov_hc3: w.cov_hc3(d, lane),
-                cov_spectral: w.cov_spectral(d, lane),
-                degrees: w.degrees(lane).collect(),
-                noise_spectrum: w.spectral.told(&d.bins, lane),
+                cov_nonrobust: w.covariance(d, lane, CovType::Nonrobust),
+                cov_hc3: w.covariance(d, lane, CovType::Hc3),
+                cov_spectral: w.covariance(d, lane, CovType::Spectral),
+                degrees: w.covariances.degrees(lane).collect(),
+                noise_spectrum: w.covariances.spectral.told(&d.bins, lane),
                 gram: unit_diagonal(|k| w.gram[k].0[lane], d.parameters()),
                 cost: w.cost(lane) * d.cost_unit() * d.cost_unit(),
                 degrees_of_freedom,

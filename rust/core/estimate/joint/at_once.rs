@@ -243,9 +243,9 @@ pub(super) fn one_by_one(
             to.iter_mut().zip(from).for_each(|(to, from)| to.0[lane] = from.0[0]);
         }
         let each = [
-            (&mut w.cov_nonrobust, &found.nonrobust),
-            (&mut w.cov_hc3, &found.hc3),
-            (&mut w.spectral.cov, &found.spectral),
+            (&mut w.covariances.nonrobust, &found.nonrobust),
+            (&mut w.covariances.hc3, &found.hc3),
+            (&mut w.covariances.spectral.cov, &found.spectral),
         ];
         for (to, from) in each {
             for (at, (to, from)) in to.iter_mut().zip(from).enumerate() {
@@ -253,7 +253,7 @@ pub(super) fn one_by_one(
                 to.0[lane] = from / (d.parameter_scale(at / p) * d.parameter_scale(at % p));
             }
         }
-        for (to, from) in w.spectral.degrees.iter_mut().zip(&found.degrees) {
+        for (to, from) in w.covariances.spectral.degrees.iter_mut().zip(&found.degrees) {
             to.0[lane] = *from;
         }
     }

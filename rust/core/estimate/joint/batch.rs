@@ -335,10 +335,7 @@ impl Many {
     /// Adds one lane's results.
     fn push_joint(&mut self, d: &JointDesign, w: &JointSpace, lane: usize, outcome: &Outcome) {
         self.theta.extend(w.theta(d, lane));
-        self.bse_nonrobust.extend(JointSpace::bse(&w.cov_nonrobust, d, lane));
-        self.bse_hc3.extend(JointSpace::bse(&w.cov_hc3, d, lane));
-        self.bse_spectral.extend(JointSpace::bse(&w.spectral.cov, d, lane));
-        self.degrees.extend(w.spectral.degrees.iter().map(|v| v.0[lane]));
+        self.push_errors(&w.covariances, lane, |k| d.parameter_scale(k));
         self.status.push(outcome.status[lane]);
         self.push_cost(d, w, lane);
         self.nit.push(outcome.nit[lane]);

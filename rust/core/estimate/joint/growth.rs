@@ -98,7 +98,7 @@ impl Kernel for Grow<'_> {
             let ratio = (by * lost.max(zero) / own) + L::splat(1.0);
             ratio.sqrt().store(&mut w.unknowns[a]);
         }
-        for cov in [&mut w.cov_nonrobust, &mut w.spectral.cov] {
+        for cov in [&mut w.covariances.nonrobust, &mut w.covariances.spectral.cov] {
             for (at, value) in cov.iter_mut().enumerate() {
                 let by = L::load(&w.unknowns[at / p]) * L::load(&w.unknowns[at % p]);
                 (by * L::load(value)).store(value);

@@ -118,10 +118,7 @@ pub(crate) fn estimate(
     let status = status(d, w, asked);
     for (k, status) in status.iter().enumerate() {
         if matches!(status, Status::Rank | Status::NonFinite) {
-            let others = w.cov_nonrobust.iter_mut().chain(&mut w.spectral.cov);
-            for c in w.cov_hc3.iter_mut().chain(others) {
-                c.0[k] = f64::NAN;
-            }
+            w.covariances.forget(k);
         }
     }
     Ok(Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) })
@@ -129,7 +126,7 @@ pub(crate) fn estimate(
 
 fn status(d: &JointDesign, w: &JointSpace, with_covariance: bool) -> [Status; LANES] {
     let theta = &w.iterates.theta.now;
-    let covariances = with_covariance.then_some([&w.cov_nonrobust[..], &w.cov_hc3[..]]);
+    let covariances = with_covariance.then(|| w.covariances.judged());
     let lost = lost_lanes(w.dependent, covariances, theta.len());
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
     statuses(theta, |k| d.parameter_scale(k), &w.progress, lost, data)

@@ -19,10 +19,10 @@ use super::qr_step;
 use super::rows::rows;
 use super::step::{clear, pair, record_system};
 use super::workspace::JointSpace;
+use crate::estimate::covariances::Kinds;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::{add_parameter_block, copy, tiles};
 use crate::estimate::spectral::Finish;
-use crate::estimate::workspace::Kinds;
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
@@ -62,10 +62,10 @@ pub(crate) fn finish(
             qr_step::inverse(isa, d, w, lane);
         }
     }
-    isa.run(Covariances { design: d, space: w });
-    if w.kinds.spectral {
+    isa.run(Sandwich { design: d, space: w });
+    if w.covariances.kinds.spectral {
         let freedom = d.freedom(w.records.iter().map(|r| r.limit)).max(1);
-        let (spectral, by) = (&mut w.spectral, 1.0 / freedom as f64);
+        let (spectral, by) = (&mut w.covariances.spectral, 1.0 / freedom as f64);
         isa.run(Finish { spectral, bins: &d.bins, cost: &w.progress.cost, by });
     }
     if d.estimates_weights() {
@@ -169,12 +169,12 @@ impl Kernel for Information<'_> {
 }
 
 /// Both covariances from the inverse, the rows and the residuals.
-struct Covariances<'a> {
+struct Sandwich<'a> {
     design: &'a JointDesign,
     space: &'a mut JointSpace,
 }
 
-impl Kernel for Covariances<'_> {
+impl Kernel for Sandwich<'_> {
     type Output = ();
     #[inline(always)]
     fn run<L: Lanes>(self) {
@@ -182,9 +182,9 @@ impl Kernel for Covariances<'_> {
         let (q, p) = (d.outputs(), d.parameters());
         let (weights, factors) = (d.final_weights(), d.final_factors());
         clear::<L>(&mut w.meat);
-        w.spectral.clear();
+        w.covariances.spectral.clear();
         clear::<L>(&mut w.shared);
-        let Kinds { spectral, .. } = w.kinds;
+        let Kinds { spectral, .. } = w.covariances.kinds;
         for k in 0..w.records.len() {
             for range in tiles(w.records[k].limit, d.tile) {
                 // Denoised on both sides, or data: `right` holds them.
@@ -225,8 +225,9 @@ impl Kernel for Covariances<'_> {
                         sum = by.mul_add(L::load(&w.inverse[b * p + j]), sum);
                     }
                 }
-                sum.store(&mut w.cov_hc3[i * p + j]);
-                (L::load(&w.inverse[i * p + j]) * variance).store(&mut w.cov_nonrobust[i * p + j]);
+                sum.store(&mut w.covariances.hc3[i * p + j]);
+                (L::load(&w.inverse[i * p + j]) * variance)
+                    .store(&mut w.covariances.nonrobust[i * p + j]);
             }
         }
     }
@@ -286,9 +287,9 @@ fn count<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, (m, output): (
     // Line 0 is real.
     let parts = if r.lines.first + m == 0 { 1 } else { 2 };
     for part in 0..parts {
-        w.spectral.add(at, L::load(&w.squares[part]), L::load(&w.left_over[part]));
+        w.covariances.spectral.add(at, L::load(&w.squares[part]), L::load(&w.left_over[part]));
     }
     let own = output * d.parameters()..(output + 1) * d.parameters();
     let [re, im] = &w.influence;
-    w.spectral.add_products(at, (&re[own.clone()], &im[own]), L::splat(r.weight[m]));
+    w.covariances.spectral.add_products(at, (&re[own.clone()], &im[own]), L::splat(r.weight[m]));
 }

@@ -3,13 +3,11 @@
 use super::design::{JointDesign, RecordDesign};
 use super::tile::{Across, Block, Rows};
 use crate::estimate::aliasing::Measured;
+use crate::estimate::covariances::Covariances;
 use crate::estimate::iterates::{Iterates, Progress};
-use crate::estimate::spectral::Spectral;
-use crate::estimate::workspace::Kinds;
 use crate::linalg::stacked::Factor;
 use crate::math::ln_1;
 use crate::simd::{LANES, Wide};
-use crate::structure::CovType;
 
 /// One record of eight replicates.
 #[derive(Debug, Clone, Default)]
@@ -81,12 +79,7 @@ pub struct JointSpace {
     pub(crate) gram: Vec<Wide>,
     pub(crate) inverse: Vec<Wide>,
     pub(crate) meat: Vec<Wide>,
-    pub(crate) cov_hc3: Vec<Wide>,
-    pub(crate) cov_nonrobust: Vec<Wide>,
-    /// What is computed of them.
-    pub(crate) kinds: Kinds,
-    /// What is known of the noise spectra of the outputs, and the covariance that follows.
-    pub(crate) spectral: Spectral,
+    pub(crate) covariances: Covariances,
     /// Influence of the two rows of each output of a line on θ, and its sums over the lines (`growth`).
     pub(crate) influence: [Vec<Wide>; 2],
     pub(crate) shared: Vec<Wide>,
@@ -140,9 +133,7 @@ impl JointSpace {
             gram: wide(p * p),
             inverse: wide(p * p),
             meat: wide(p * p),
-            cov_hc3: wide(p * p),
-            cov_nonrobust: wide(p * p),
-            spectral: Spectral::new(d.bins.terms.len(), q, p),
+            covariances: Covariances::new(p, d.bins.terms.len(), q),
             influence: pair(q * p),
             shared: wide(d.pairs() * p * p),
             z: pair(p),
@@ -291,32 +282,6 @@ impl JointSpace {
     /// Parameter `k` of every lane in the user's units.
     pub(crate) fn parameter(&self, d: &JointDesign, k: usize) -> [f64; LANES] {
         self.iterates.theta.now[k].0.map(|t| t * d.parameter_scale(k))
-    }
-
-    /// Variance of parameter `k` of every lane in the user's units.
-    pub(crate) fn parameter_variance(
-        &self,
-        d: &JointDesign,
-        k: usize,
-        kind: CovType,
-    ) -> [f64; LANES] {
-        let cov = match kind {
-            CovType::Nonrobust => &self.cov_nonrobust,
-            CovType::Hc3 => &self.cov_hc3,
-            CovType::Spectral => &self.spectral.cov,
-        };
-        let scale = d.parameter_scale(k) * d.parameter_scale(k);
-        cov[k * (d.parameters() + 1)].0.map(|v| v * scale)
-    }
-
-    /// Standard errors of one lane from the diagonal of a covariance, in the user's units.
-    pub(crate) fn bse<'a>(
-        cov: &'a [Wide],
-        d: &'a JointDesign,
-        lane: usize,
-    ) -> impl Iterator<Item = f64> + 'a {
-        let p = d.parameters();
-        (0..p).map(move |k| cov[k * (p + 1)].0[lane].sqrt() * d.parameter_scale(k))
     }
 
     /// What fits on the same lines are compared by: the weighted sum of squares where Σ is known, else

@@ -12,7 +12,7 @@ use crate::estimate::spectral::Spectral;
 use crate::estimate::uncertainty::{
     LEVERAGE, OBLIQUE_LEVERAGE, deleted, freedom, mirror, project, scale,
 };
-use crate::estimate::workspace::{Kinds, Workspace};
+use crate::estimate::{covariances::Kinds, workspace::Workspace};
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Kernel, Lanes, Wide};
 use crate::structure::Method;
@@ -110,8 +110,8 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
             instruments: &r.instruments,
             bins,
         };
-        w.spectral.clear();
-        let (spectral, kinds) = (&mut w.spectral, w.kinds);
+        w.covariances.spectral.clear();
+        let (spectral, kinds) = (&mut w.covariances.spectral, w.covariances.kinds);
         let none = Kinds { hc3: false, spectral: false };
         let found = match differenced {
             false if kinds == none => [[(L::splat(0.0), L::splat(0.0)); S]; S],
@@ -126,16 +126,16 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
         for i in 0..p {
             for j in i..p {
                 let (hc3, unit) = found[N + i][N + j];
-                hc3.store(&mut w.cov_hc3[i * p + j]);
+                hc3.store(&mut w.covariances.hc3[i * p + j]);
                 if differenced {
-                    (unit * variance).store(&mut w.cov_nonrobust[i * p + j]);
+                    (unit * variance).store(&mut w.covariances.nonrobust[i * p + j]);
                 }
             }
         }
-        mirror(p, &mut w.cov_hc3);
+        mirror(p, &mut w.covariances.hc3);
         match differenced {
-            true => mirror(p, &mut w.cov_nonrobust),
-            false => scale::<L>(variance, &w.inverse, &mut w.cov_nonrobust),
+            true => mirror(p, &mut w.covariances.nonrobust),
+            false => scale::<L>(variance, &w.inverse, &mut w.covariances.nonrobust),
         }
         true
     }
