@@ -360,9 +360,9 @@ fn covariance<L: Lanes>(d: &JointDesign, w: &mut JointSpace, of: L) {
                 let weight = L::splat(d.records[k].weight[m]);
                 let lines = w.records[k].lines;
                 for i in 0..q {
-                    let (re, im) = super::step::pair::<L>(&w.residual, t * q + i);
+                    let (re, im) = w.residual.get::<L>(t * q + i);
                     for j in 0..=i {
-                        let (x, y) = super::step::pair::<L>(&w.residual, t * q + j);
+                        let (x, y) = w.residual.get::<L>(t * q + j);
                         let sum = &mut w.sigma[i * q + j];
                         let own = re.mul_add(x, im * y) * weight;
                         own.mul_add(each, L::load(sum)).store(sum);

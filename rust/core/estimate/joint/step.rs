@@ -164,9 +164,9 @@ pub(crate) fn record_system<L: Lanes>(
         for (t, m) in range.clone().enumerate() {
             let weight = L::splat(d.records[k].weight[m]);
             for i in 0..q {
-                let (re, im) = pair::<L>(&w.residual, t * q + i);
+                let (re, im) = w.residual.get::<L>(t * q + i);
                 cost = weight.mul_add(re.mul_add(re, im * im), cost);
-                let (re, im) = pair::<L>(&w.right, (t * q + i) * width + size);
+                let (re, im) = w.right.get::<L>((t * q + i) * width + size);
                 target = weight.mul_add(re.mul_add(re, im * im), target);
             }
         }
@@ -178,11 +178,6 @@ pub(crate) fn record_system<L: Lanes>(
         L::load(&w.records[k].matrix[i * width + i]).store(&mut w.diagonal[i]);
     }
     cost
-}
-
-#[inline(always)]
-pub(crate) fn pair<L: Lanes>(rows: &Rows, at: usize) -> (L, L) {
-    rows.get(at)
 }
 
 /// The left factor times the weights of the lines; of the data itself where nothing is denoised.
@@ -200,7 +195,7 @@ fn scale_left<L: Lanes>(
     for (t, m) in range.enumerate() {
         let weight = L::splat(d.records[k].weight[m]);
         for at in t * q * width..(t + 1) * q * width {
-            let (re, im) = if data { pair::<L>(right, at) } else { pair::<L>(left, at) };
+            let (re, im) = if data { right.get::<L>(at) } else { left.get::<L>(at) };
             left.set(at, (re * weight, im * weight));
         }
     }
@@ -220,7 +215,7 @@ fn accumulate<L: Lanes>(left: &Rows, right: &Rows, count: usize, size: usize, ma
                 acc[b] = L::load(&matrix[a * width + from + b]);
             }
             for row in 0..count {
-                let (re, im) = pair::<L>(left, row * width + a);
+                let (re, im) = left.get::<L>(row * width + a);
                 let at = row * width + from;
                 let (right_re, right_im) = (&all_re[at..at + wide], &all_im[at..at + wide]);
                 for b in 0..wide {

@@ -17,18 +17,16 @@ use super::design::JointDesign;
 use super::growth::{Grow, add_line};
 use super::qr_step;
 use super::rows::rows;
-use super::step::{clear, pair, record_system};
+use super::step::{clear, record_system};
 use super::workspace::JointSpace;
 use crate::estimate::covariances::Kinds;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::{add_parameter_block, copy, tiles};
 use crate::estimate::spectral::Finish;
+use crate::estimate::uncertainty::{LEVERAGE, project};
 use crate::linalg::lanes::{eliminate, invert, substitute};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
-
-/// Leaves (1 − h) of a row that determines a parameter alone above zero.
-pub(super) const LEVERAGE: f64 = 1e-6;
 
 impl JointDesign {
     /// RowWeights that belong to the estimate.
@@ -129,17 +127,7 @@ impl Kernel for Information<'_> {
                 invert::<L>(square, nt, &mut r.transient_inverse, work, &mut trusted);
             }
             eliminate::<L>(&mut r.matrix, size, 0..nt, diagonal, false, &mut trusted);
-            for c in 0..p {
-                for t in (0..nt).rev() {
-                    let row = &r.matrix[t * (size + 1)..(t + 1) * (size + 1)];
-                    let mut sum = L::load(&row[nt + c]);
-                    for (j, left) in row[..nt].iter().enumerate().skip(t + 1) {
-                        let by = L::load(&r.projection[j * p + c]);
-                        sum = (-L::load(left)).mul_add(by, sum);
-                    }
-                    (sum * L::load(&row[t])).store(&mut r.projection[t * p + c]);
-                }
-            }
+            project::<L>(&r.matrix, nt, size, &mut r.projection);
             add_parameter_block::<L>(&r.matrix, nt, size, global, false);
         }
         cost.store(&mut w.progress.cost);
@@ -239,9 +227,9 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
     let (p, nt, width) = (d.parameters(), d.transient.len(), d.size() + 1);
     let (r, output) = (&w.records[k], at % d.outputs());
     for c in 0..p {
-        let mut own = pair::<L>(&w.right, at * width + nt + c);
+        let mut own = w.right.get::<L>(at * width + nt + c);
         for t in 0..nt {
-            let column = pair::<L>(&w.right, at * width + t);
+            let column = w.right.get::<L>(at * width + t);
             let by = -L::load(&r.projection[t * p + c]);
             own = (column.0.mul_add(by, own.0), column.1.mul_add(by, own.1));
         }
@@ -252,8 +240,7 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
         let mut h = L::splat(0.0);
         for a in 0..nt {
             for b in 0..nt {
-                let (x, y) =
-                    (pair::<L>(&w.right, at * width + a), pair::<L>(&w.right, at * width + b));
+                let (x, y) = (w.right.get::<L>(at * width + a), w.right.get::<L>(at * width + b));
                 let (x, y) = if part == 0 { (x.0, y.0) } else { (x.1, y.1) };
                 h = (x * y).mul_add(L::load(&r.transient_inverse[a * nt + b]), h);
             }
@@ -266,7 +253,7 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
             own.store(&mut w.influence[part][output * p + a]);
             h = own.mul_add(L::load(&w.row[part][a]), h);
         }
-        let e = pair::<L>(&w.residual, at);
+        let e = w.residual.get::<L>(at);
         let e = if part == 0 { e.0 } else { e.1 };
         let left = (-h).mul_add(weight, L::splat(1.0)).max(L::splat(LEVERAGE));
         left.store(&mut w.left_over[part]);

@@ -6,12 +6,12 @@
 //! of a row of the Q's.
 
 use super::super::growth::Shared;
-use super::super::uncertainty::LEVERAGE;
 use super::system::independent;
 use super::{Ended, Single};
 use crate::error::Status;
 use crate::estimate::prior::degrees;
 use crate::estimate::spectral::{NoiseSpectrum, Spectral};
+use crate::estimate::uncertainty::LEVERAGE;
 use crate::linalg::large::{Qr, inverse_of_upper, product, transposed_product};
 use crate::linalg::qr::dot;
 use crate::simd::{LANES, numbers};
