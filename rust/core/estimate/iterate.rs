@@ -1,6 +1,7 @@
 //! The loop of `awls` and `ml`: steps in lanes until none moves, with a way out for lanes whose pivots are small.
 
 use super::design::Design;
+use super::iterates::Move;
 use super::normal_equations::{LeftColumns, RowWeights};
 use super::options::Options;
 use super::pass::step;
@@ -23,7 +24,7 @@ pub(crate) fn iterate(isa: Isa, d: &Design, w: &mut Workspace, rule: Rule, o: &O
     }
     pass::prepare(isa, d, w);
     while !isa.run(Iteration { design: d, space: w, run: &mut run }) {
-        mend_step(d, w, rule.weights(), rule.factors());
+        mend_step(isa, d, w, rule.weights(), rule.factors());
         run.mended = true;
     }
 }
@@ -64,40 +65,22 @@ impl Kernel for Iteration<'_> {
 }
 
 /// Replaces steps that small pivots spoiled by steps from orthogonal factors.
-fn mend_step(d: &Design, w: &mut Workspace, weights: RowWeights, factors: LeftColumns) {
-    for lane in 0..LANES {
-        // A step that is not finite shows as a move that is not.
-        let sound = w.trusted.0[lane] > 0.0 && w.progress.moved.0[lane].is_finite();
-        if sound || w.progress.active.0[lane] == 0.0 {
-            continue;
-        }
+fn mend_step(isa: Isa, d: &Design, w: &mut Workspace, weights: RowWeights, factors: LeftColumns) {
+    let spoiled = w.progress.spoiled(&w.trusted);
+    for lane in (0..LANES).filter(|k| spoiled[*k]) {
         let at = qr_step::Place { lane, weights, factors };
         let full = w.qr.solve(d, &w.records, &mut w.iterates, at);
-        w.measure_move(lane);
         w.dependent[lane] = !full;
         if !full && weights == RowWeights::Flat {
             // Dependent columns in the start: nothing to iterate from.
             w.progress.active.0[lane] = 0.0;
         }
     }
-}
-
-impl Workspace {
-    /// The change of one lane after its step was replaced, as the kernel measures it.
-    fn measure_move(&mut self, k: usize) {
-        let each =
-            self.iterates.theta.now.iter().zip(&self.iterates.theta.next).zip(&self.column_size);
-        let square = each.fold(0.0, |most: f64, ((from, to), column)| {
-            let step = to.0[k] - from.0[k];
-            let effect = step * step * column.0[k].abs();
-            // NaN must not read as settled.
-            if effect > most || effect.is_nan() { effect } else { most }
-        });
-        let own = self.iterates.theta.now.iter().zip(&self.column_size);
-        let largest = own.fold(self.target_size.0[k], |most: f64, (t, column)| {
-            let own = t.0[k] * t.0[k] * column.0[k].abs();
-            if own < most { most } else { own }
-        });
-        self.progress.moved.0[k] = square / largest;
-    }
+    isa.run(Move {
+        theta: &w.iterates.theta,
+        column_size: &w.column_size,
+        target_size: &w.target_size,
+        terms: d.parameters(),
+        moved: &mut w.progress.moved,
+    });
 }

@@ -1,6 +1,6 @@
 //! Iterates of eight replicates, and where each replicate stands.
 
-use crate::simd::{LANES, Lanes, Wide};
+use crate::simd::{Kernel, LANES, Lanes, Wide};
 
 /// Unknowns at the current iterate, where a step leads, and at the best iterate so far.
 #[derive(Debug, Clone, Default)]
@@ -14,6 +14,45 @@ impl Iterate {
     fn new(unknowns: usize) -> Iterate {
         let none = vec![Wide::ZERO; unknowns];
         Iterate { now: none.clone(), next: none.clone(), best: none }
+    }
+
+    /// The largest squared effect of the step on the equations, relative to their largest term: on a line where A
+    /// vanishes the target may be nothing. The first `terms` unknowns are coefficients, which have terms.
+    #[inline(always)]
+    pub fn moved<L: Lanes>(&self, column_size: &[Wide], target_size: &Wide, terms: usize) -> L {
+        let mut largest = L::load(target_size);
+        let mut moved = L::splat(0.0);
+        let steps = self.now.iter().zip(&self.next);
+        for (k, ((from, to), column)) in steps.zip(column_size).enumerate() {
+            let (from, column) = (L::load(from), L::load(column).abs());
+            let change = L::load(to) - from;
+            // The maximum that lets NaN pass: it must not read as settled.
+            let effect = change * change * column;
+            moved = effect.select_lt(moved, moved, effect);
+            if k < terms {
+                let own = from * from * column;
+                largest = own.select_lt(largest, largest, own);
+            }
+        }
+        moved / largest
+    }
+}
+
+/// [`Iterate::moved`] where steps were replaced.
+pub(crate) struct Move<'a> {
+    pub theta: &'a Iterate,
+    pub column_size: &'a [Wide],
+    pub target_size: &'a Wide,
+    pub terms: usize,
+    pub moved: &'a mut Wide,
+}
+
+impl Kernel for Move<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let Move { theta, column_size, target_size, terms, moved } = self;
+        theta.moved::<L>(column_size, target_size, terms).store(moved);
     }
 }
 
@@ -170,6 +209,14 @@ impl Progress {
     pub fn begin(&mut self, live: [bool; LANES]) {
         self.nit = Wide::ZERO;
         self.again(Wide(live.map(f64::from)));
+    }
+
+    /// Active lanes whose step small pivots spoiled; a step that is not finite shows as a move that is not.
+    pub fn spoiled(&self, trusted: &Wide) -> [bool; LANES] {
+        std::array::from_fn(|k| {
+            let sound = trusted.0[k] > 0.0 && self.moved.0[k].is_finite();
+            !sound && self.active.0[k] != 0.0
+        })
     }
 
     /// These lanes iterate anew from where they stand.

@@ -122,27 +122,8 @@ pub(crate) fn step<L: Lanes>(
             r.tie.at::<L>(&w.iterates.theta.next, &mut t.next);
         }
     }
-    move_of::<L>(w);
-}
-
-/// How far the step leads, relative to the largest term of the equation: on a line where A vanishes the
-/// leading one may be nothing.
-#[inline(always)]
-fn move_of<L: Lanes>(w: &mut Workspace) {
-    let mut largest = L::load(&w.target_size);
-    let mut moved = L::splat(0.0);
-    for ((from, to), column) in
-        w.iterates.theta.now.iter().zip(&w.iterates.theta.next).zip(&w.column_size)
-    {
-        let column = L::load(column).abs();
-        let change = L::load(to) - L::load(from);
-        // The maximum that lets NaN pass: it must not read as settled.
-        let effect = change * change * column;
-        moved = effect.select_lt(moved, moved, effect);
-        let own = L::load(from) * L::load(from) * column;
-        largest = own.select_lt(largest, largest, own);
-    }
-    (moved / largest).store(&mut w.progress.moved);
+    let moved = w.iterates.theta.moved::<L>(&w.column_size, &w.target_size, p);
+    moved.store(&mut w.progress.moved);
 }
 
 /// Adds the θ block of a record's eliminated system to the common one.

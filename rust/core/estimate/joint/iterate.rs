@@ -9,6 +9,7 @@ use super::uncertainty;
 use super::workspace::JointSpace;
 use crate::error::{Error, Status};
 use crate::estimate::band::CLOSE;
+use crate::estimate::iterates::Move;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::{Outcome, lost_lanes, statuses};
 use crate::estimate::pass::tiles;
@@ -214,11 +215,8 @@ fn iterate(
             Came::Home => return Ok(()),
             Came::NewDelays => refresh(w)?,
             Came::SmallPivots => {
-                for lane in 0..LANES {
-                    let sound = w.trusted.0[lane] > 0.0 && w.progress.moved.0[lane].is_finite();
-                    if sound || w.progress.active.0[lane] == 0.0 {
-                        continue;
-                    }
+                let spoiled = w.progress.spoiled(&w.trusted);
+                for lane in (0..LANES).filter(|k| spoiled[*k]) {
                     let full = super::qr_step::solve(isa, d, w, lane, run.rule, run.held);
                     w.dependent[lane] = !full;
                     if !full && run.rule == Rule::Wls {
@@ -226,6 +224,13 @@ fn iterate(
                         w.progress.active.0[lane] = 0.0;
                     }
                 }
+                isa.run(Move {
+                    theta: &w.iterates.theta,
+                    column_size: &w.column_size,
+                    target_size: &w.target_size,
+                    terms: d.free.len(),
+                    moved: &mut w.progress.moved,
+                });
                 *mended = true;
             }
         }

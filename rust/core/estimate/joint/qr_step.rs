@@ -2,7 +2,6 @@
 
 use super::design::JointDesign;
 use super::rows::rows;
-use super::step::move_of;
 use super::tile::Rows;
 use super::workspace::JointSpace;
 use crate::estimate::iterates::Iterate;
@@ -82,7 +81,7 @@ fn factor(
     full & w.qr.is_independent()
 }
 
-/// Solves one lane: next θ, next T of every record, and the move. False where the columns are dependent.
+/// Solves one lane: next θ, next T of every record. False where the columns are dependent.
 ///
 /// Parameters on their bounds stay there.
 pub(crate) fn solve(
@@ -112,21 +111,7 @@ pub(crate) fn solve(
         let (low, high) = d.parameter_bounds(k);
         next[k].0[lane] = (found + origin(k)).clamp(low, high);
     }
-    isa.run(Move { design: d, space: w });
     full
-}
-
-struct Move<'a> {
-    design: &'a JointDesign,
-    space: &'a mut JointSpace,
-}
-
-impl Kernel for Move<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<L: Lanes>(self) {
-        move_of::<L>(self.design, self.space);
-    }
 }
 
 /// Inverse of the normal matrix of one lane, without squaring the condition number.

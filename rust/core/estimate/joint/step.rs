@@ -49,7 +49,8 @@ pub(crate) fn step<L: Lanes>(
         substitute::<L>(&records[k].matrix, size, 0..nt, unknowns);
         copy::<L>(&unknowns[..nt], &mut iterates.transients[k].next);
     }
-    move_of::<L>(d, w);
+    let moved = w.iterates.theta.moved::<L>(&w.column_size, &w.target_size, d.free.len());
+    moved.store(&mut w.progress.moved);
 }
 
 /// Solves the system in θ; what would leave its bounds is set on them, and the rest solved again.
@@ -229,26 +230,6 @@ fn accumulate<L: Lanes>(left: &Rows, right: &Rows, count: usize, size: usize, ma
             from += wide;
         }
     }
-}
-
-/// How far the step leads, relative to the largest term of the equations.
-#[inline(always)]
-pub(crate) fn move_of<L: Lanes>(d: &JointDesign, w: &mut JointSpace) {
-    let mut largest = L::load(&w.target_size);
-    let mut moved = L::splat(0.0);
-    for k in 0..d.parameters() {
-        let column = L::load(&w.column_size[k]).abs();
-        let (from, to) = (L::load(&w.iterates.theta.now[k]), L::load(&w.iterates.theta.next[k]));
-        let change = to - from;
-        // The maximum that lets NaN pass: it must not read as settled.
-        let effect = change * change * column;
-        moved = effect.select_lt(moved, moved, effect);
-        if k < d.free.len() {
-            let own = from * from * column;
-            largest = own.select_lt(largest, largest, own);
-        }
-    }
-    (moved / largest).store(&mut w.progress.moved);
 }
 
 /// Zeros.
