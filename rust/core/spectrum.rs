@@ -216,12 +216,6 @@ impl CoefficientPlan {
         self.unit_variance
     }
 
-    /// Samples a period of the highest harmonic; below 8 no rule is accurate.
-    #[must_use]
-    pub fn samples_per_period(&self) -> f64 {
-        self.intervals as f64 / self.harmonics.max(1) as f64
-    }
-
     /// Memory for any number of calls of [`CoefficientPlan::run_in`] and [`CoefficientPlan::run_lanes`].
     #[must_use]
     pub fn scratch(&self) -> Scratch {
