@@ -10,7 +10,7 @@ mod local;
 use crate::Error;
 use crate::simd::{Isa, Kernel, LANES, Lanes};
 use crate::threads::{self, Control};
-use local::Work;
+use local::Workspace;
 
 /// What describes the neighbourhood of a frequency.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -129,7 +129,7 @@ pub fn responses(
     let freedom = check(settings, pieces)?;
     let chunk = BLOCKS * LANES;
     let chunks = omega.len().div_ceil(chunk);
-    let work = |work: &mut Work, k: usize| {
+    let work = |work: &mut Workspace, k: usize| {
         let mut out = Responses::default();
         for eight in omega[k * chunk..omega.len().min((k + 1) * chunk)].chunks(LANES) {
             if threads::stopped() {
@@ -139,7 +139,7 @@ pub fn responses(
         }
         out
     };
-    let parts = threads::run(threads, chunks, progress, Work::default, work)?;
+    let parts = threads::run(threads, chunks, progress, Workspace::default, work)?;
     let mut all = Responses { freedom, ..Responses::default() };
     for part in parts {
         all.response.extend(part.response);
@@ -152,7 +152,7 @@ pub fn responses(
 }
 
 struct Eight<'a> {
-    work: &'a mut Work,
+    work: &'a mut Workspace,
     settings: Settings,
     pieces: &'a [Piece],
     omega: &'a [f64],

@@ -37,7 +37,7 @@ const ROUNDING: f64 = 1e-9;
 /// Samples of a record that no machine holds.
 const MOST: usize = 1 << 36;
 
-/// Scratch memory of one worker for one plan, from [`CoefficientPlan::scratch`]: only a plan's first call
+/// Memory of one worker for one plan, from [`CoefficientPlan::scratch`]: only a plan's first call
 /// for eight records allocates (its tables), and the first record with a large offset.
 #[derive(Debug, Clone, Default)]
 pub struct Scratch {

@@ -8,7 +8,7 @@ use super::fitter::Fitter;
 use super::many::Many;
 use super::options::{Options, Start, Wanted};
 use super::replicates::estimate;
-use super::shared::Worker;
+use super::shared::BatchWorkspace;
 use super::spare::Lent;
 use super::workspace::Workspace;
 use crate::error::Error;
@@ -105,7 +105,7 @@ impl Fitter {
         let once = batch.shares_inputs(inputs);
         // Memory, and whether the inputs that all share are in it.
         let make = || (shared.workers.lend(), false);
-        let work = |(worker, loaded): &mut (Lent<'_, Worker>, bool), chunk: usize| {
+        let work = |(worker, loaded): &mut (Lent<'_, BatchWorkspace>, bool), chunk: usize| {
             let w = worker.get_or(|| shared.worker());
             let mut out = Many::default();
             let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(replicates));

@@ -14,7 +14,7 @@
 //! is the report's guideline (eq. 20).
 
 use super::band::{BandRule, Choice, MANY, Range, SAME, fewest_lines, lower_ends};
-use super::fitter::{Desk, Fitter, Problem};
+use super::fitter::{FitWorkspace, Fitter, Problem};
 use super::options::Start;
 use super::pass::prepare;
 use super::routh::unstable_poles;
@@ -34,14 +34,14 @@ impl Fitter {
     /// `before`: the estimate over a narrower band that such a rule chose, which is a third start.
     pub(crate) fn default_band(
         &self,
-        desk: &mut Desk,
+        space: &mut FitWorkspace,
         wide: Vec<Range>,
         before: Option<&[f64]>,
     ) -> Result<Choice, Error> {
         let narrow = self.narrow(&wide);
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
-        let second = self.narrow_estimate(desk, &wide);
-        let mut all = self.problem(desk, &wide)?;
+        let second = self.narrow_estimate(space, &wide);
+        let mut all = self.problem(space, &wide)?;
         let starts: Vec<Vec<f64>> = match before {
             // The narrow start keeps its place in the account.
             Some(before) => vec![second.unwrap_or_else(|| before.to_vec()), before.to_vec()],
@@ -64,14 +64,14 @@ impl Fitter {
             Some(_) => self.narrowest(&mut all, &wide, lane),
             None => wide,
         };
-        desk.keep(all);
+        space.keep(all);
         if let Some(theta) = theta.as_mut().filter(|_| astray) {
             // Another minimum may be the lowest on fewer lines.
-            let mut few = self.problem(desk, &ranges)?;
+            let mut few = self.problem(space, &ranges)?;
             let cost = few.trial_from(self, Start::Theta(theta))[0];
             let (lane, _) = self.go_from_filters(&mut few, 0, cost);
             *theta = few.space.theta(&few.design, lane).collect();
-            desk.keep(few);
+            space.keep(few);
         }
         let [first, second, ..] = costs;
         let chosen = last(&ranges);
@@ -123,17 +123,21 @@ impl Fitter {
 
     /// The second start of a fit on these lines: the estimate on few of them, where they are more than few and it
     /// has one. Where noise rules the upper lines, `wls` on all of them may lead astray.
-    pub(crate) fn narrow_estimate(&self, desk: &mut Desk, ranges: &[Range]) -> Option<Vec<f64>> {
+    pub(crate) fn narrow_estimate(
+        &self,
+        space: &mut FitWorkspace,
+        ranges: &[Range],
+    ) -> Option<Vec<f64>> {
         let adapts =
             self.o.noise == Noise::Output && matches!(self.o.method, Method::Awls | Method::Ml);
         let narrow = self.narrow(ranges);
         if !adapts || narrow == ranges {
             return None;
         }
-        let mut few = self.problem(desk, &narrow).ok()?;
+        let mut few = self.problem(space, &narrow).ok()?;
         let found = few.trial(self, &[])[0].is_finite();
         let theta = found.then(|| few.space.theta(&few.design, 0).collect());
-        desk.keep(few);
+        space.keep(few);
         theta
     }
 

@@ -2,12 +2,12 @@
 //! any number of fits.
 
 mod coefficients;
-mod desk;
 mod finish;
+mod workspace;
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-pub(crate) use desk::{Desk, Problem, binary_unit};
+pub(crate) use workspace::{FitWorkspace, Problem, binary_unit};
 
 use super::aliasing::Aliasing;
 use super::answer::Answer;
@@ -52,7 +52,7 @@ pub struct Fitter {
     pub(crate) o: FitOptions,
     pub(crate) isa: Isa,
     pub(crate) records: Vec<RecordPlan>,
-    desks: Spare<Desk>,
+    spaces: Spare<FitWorkspace>,
     shared: Mutex<Vec<Arc<Shared>>>,
     /// How often the wide band of the default rule was doubled.
     doublings: u32,
@@ -127,7 +127,7 @@ impl Fitter {
             o,
             isa,
             records,
-            desks: Spare::new(),
+            spaces: Spare::new(),
             shared: Mutex::new(Vec::new()),
             doublings,
             wider: OnceLock::new(),
@@ -195,25 +195,25 @@ impl Fitter {
         starts: &[Vec<f64>],
         before: Option<&[f64]>,
     ) -> Result<Fit, Error> {
-        let mut desk = self.desks.lend();
-        let desk = desk.get_or(|| self.desk());
-        let Choice { ranges, rule, theta } = self.choose(desk, records, before)?;
+        let mut space = self.spaces.lend();
+        let space = space.get_or(|| self.space());
+        let Choice { ranges, rule, theta } = self.choose(space, records, before)?;
         if let Some(theta) = theta {
-            return self.finish(desk, &ranges, Start::Theta(&theta), rule);
+            return self.finish(space, &ranges, Start::Theta(&theta), rule);
         }
         let narrow = match rule {
             Some(_) => None,
-            None => self.narrow_estimate(desk, &ranges),
+            None => self.narrow_estimate(space, &ranges),
         };
         let starts: Vec<Vec<f64>> = narrow.into_iter().chain(starts.iter().cloned()).collect();
-        let best = self.best_of(desk, &ranges, &starts, rule)?;
-        self.levelled(desk, &ranges, best)
+        let best = self.best_of(space, &ranges, &starts, rule)?;
+        self.levelled(space, &ranges, best)
     }
 
     /// The estimate from `wls` and from each of these parameters with the lowest cost.
     fn best_of(
         &self,
-        desk: &mut Desk,
+        space: &mut FitWorkspace,
         ranges: &[Range],
         starts: &[Vec<f64>],
         rule: Option<BandRule>,
@@ -221,10 +221,10 @@ impl Fitter {
         // As many at once as there are lanes beside that of `wls`.
         let mut starts = starts.chunks(LANES - 1);
         let first = starts.next().map_or(Start::Wls, Start::Each);
-        let mut best = self.finish(desk, ranges, first, rule)?;
+        let mut best = self.finish(space, ranges, first, rule)?;
         let end = |fit: &Fit| End { status: fit.answer.status, cost: fit.answer.cost };
         for more in starts {
-            let other = self.finish(desk, ranges, Start::Each(more), None)?;
+            let other = self.finish(space, ranges, Start::Each(more), None)?;
             if end(&other).is_better_than(end(&best)) {
                 best = other;
             }
@@ -235,19 +235,19 @@ impl Fitter {
     /// Loads the records and says which lines to use: as given, or by the default rule.
     fn choose(
         &self,
-        desk: &mut Desk,
+        space: &mut FitWorkspace,
         records: &[RecordView<'_>],
         before: Option<&[f64]>,
     ) -> Result<Choice, Error> {
-        self.load(desk, records)?;
+        self.load(space, records)?;
         let ranges = self.ranges();
         match self.o.band_is_sought() {
             true => {
-                self.find_levels(desk, &self.narrow(&ranges), Start::Wls);
-                let choice = self.default_band(desk, ranges.clone(), before)?;
+                self.find_levels(space, &self.narrow(&ranges), Start::Wls);
+                let choice = self.default_band(space, ranges.clone(), before)?;
                 if let Some(theta) = &choice.theta {
                     // More lines than the fit needs know the levels better.
-                    self.find_levels(desk, &ranges, Start::Theta(theta));
+                    self.find_levels(space, &ranges, Start::Theta(theta));
                 }
                 Ok(choice)
             }
@@ -256,15 +256,15 @@ impl Fitter {
     }
 
     /// Noise levels of several records: those that a fit on these lines has; as they stand where it fails.
-    fn find_levels(&self, desk: &mut Desk, ranges: &[Range], start: Start<'_>) {
-        let before = desk.levels.clone();
+    fn find_levels(&self, space: &mut FitWorkspace, ranges: &[Range], start: Start<'_>) {
+        let before = space.levels.clone();
         if self.learns_levels()
             && self
-                .finish(desk, ranges, start, None)
-                .and_then(|fit| self.levelled(desk, ranges, fit))
+                .finish(space, ranges, start, None)
+                .and_then(|fit| self.levelled(space, ranges, fit))
                 .is_err()
         {
-            desk.levels = before;
+            space.levels = before;
         }
     }
 
@@ -275,19 +275,24 @@ impl Fitter {
     }
 
     /// The fit with noise levels of the records that its residuals have.
-    fn levelled(&self, desk: &mut Desk, ranges: &[Range], first: Fit) -> Result<Fit, Error> {
+    fn levelled(
+        &self,
+        space: &mut FitWorkspace,
+        ranges: &[Range],
+        first: Fit,
+    ) -> Result<Fit, Error> {
         if !self.learns_levels() {
             return Ok(first);
         }
         let misfits = |fit: &Fit| misfits(&fit.answer, fit.sigma, &fit.residuals);
-        let (levels, fit) = settle(desk.levels.clone(), first, misfits, |levels, fit| {
-            desk.levels.copy_from_slice(levels);
+        let (levels, fit) = settle(space.levels.clone(), first, misfits, |levels, fit| {
+            space.levels.copy_from_slice(levels);
             let Answer { theta, nit, band_rule, .. } = &fit.answer;
-            let mut again = self.finish(desk, ranges, Start::Theta(theta), *band_rule)?;
+            let mut again = self.finish(space, ranges, Start::Theta(theta), *band_rule)?;
             again.answer.nit += nit;
             Ok(again)
         })?;
-        desk.levels = levels;
+        space.levels = levels;
         Ok(fit)
     }
 
@@ -306,10 +311,10 @@ impl Fitter {
         };
         let range = match self.o.band_is_sought() {
             true => {
-                let mut desk = self.desks.lend();
-                let desk = desk.get_or(|| self.desk());
+                let mut space = self.spaces.lend();
+                let space = space.get_or(|| self.space());
                 let records = std::slice::from_ref(record);
-                let Choice { ranges, rule, .. } = self.choose(desk, records, None)?;
+                let Choice { ranges, rule, .. } = self.choose(space, records, None)?;
                 let rule = match self.wider(rule) {
                     Some(_) => self.fit(records)?.answer.band_rule,
                     None => rule,

@@ -30,7 +30,7 @@ mod pass;
 mod prior;
 mod qr_step;
 mod record_levels;
-mod record_space;
+mod record_workspace;
 mod refine;
 mod replicates;
 mod rest;

@@ -3,7 +3,7 @@
 use super::design::{Design, TILE};
 use super::iterates::Iterates;
 use super::normal_equations::{LeftColumns, RowWeights};
-use super::record_space::RecordSpace;
+use super::record_workspace::RecordWorkspace;
 use super::rest::Tie;
 use crate::covariance::FLOOR;
 use crate::linalg::stacked::Factor;
@@ -41,7 +41,13 @@ impl QrStep {
     }
 
     /// Factors of one lane's rows, records stacked. False where the columns are dependent.
-    fn factor(&mut self, d: &Design, records: &[RecordSpace], from: &Iterates, at: Place) -> bool {
+    fn factor(
+        &mut self,
+        d: &Design,
+        records: &[RecordWorkspace],
+        from: &Iterates,
+        at: Place,
+    ) -> bool {
         let size = d.size();
         for (to, from) in self.theta.iter_mut().zip(&from.theta.now) {
             *to = from.0[at.lane];
@@ -69,7 +75,7 @@ impl QrStep {
     pub fn solve(
         &mut self,
         d: &Design,
-        records: &[RecordSpace],
+        records: &[RecordWorkspace],
         iterates: &mut Iterates,
         at: Place,
     ) -> bool {
@@ -96,7 +102,7 @@ impl QrStep {
     pub fn inverse(
         &mut self,
         d: &Design,
-        records: &[RecordSpace],
+        records: &[RecordWorkspace],
         iterates: &Iterates,
         out: &mut [Wide],
         at: Place,
@@ -106,7 +112,7 @@ impl QrStep {
     }
 
     /// The real and the imaginary row of a line, weighted, into the record's factors.
-    fn rows(&mut self, d: &Design, k: usize, r: &RecordSpace, m: usize, at: Place) {
+    fn rows(&mut self, d: &Design, k: usize, r: &RecordWorkspace, m: usize, at: Place) {
         let Place { lane, weights, factors } = at;
         let (rd, nt, size, n) = (&d.records[k], d.transient, d.size(), d.structure.order);
         let x = rd.x[m];

@@ -15,7 +15,7 @@ pub(crate) struct Shared {
     pub plans: Vec<CoefficientPlan>,
     /// First and last line as asked for.
     pub range: Range,
-    pub workers: Spare<Worker>,
+    pub workers: Spare<BatchWorkspace>,
 }
 
 impl Shared {
@@ -23,9 +23,9 @@ impl Shared {
         Shared { design: Arc::new(design), plans, range, workers: Spare::new() }
     }
 
-    pub fn worker(&self) -> Worker {
+    pub fn worker(&self) -> BatchWorkspace {
         let (samples, lines) = (self.plans[0].samples(), self.plans[0].harmonics() + 1);
-        Worker {
+        BatchWorkspace {
             space: Workspace::new(&self.design),
             scratch: self.plans.iter().map(CoefficientPlan::scratch).collect(),
             samples: vec![Wide::ZERO; samples],
@@ -37,7 +37,7 @@ impl Shared {
 }
 
 /// One worker's memory for blocks of records.
-pub(crate) struct Worker {
+pub(crate) struct BatchWorkspace {
     pub space: Workspace,
     pub scratch: Vec<Scratch>,
     pub samples: Vec<Wide>,

@@ -4,7 +4,7 @@
 //! weight of a line. Entries share sums. What does not depend on θ, x^k times the product, is written
 //! once a replicate; a step is left with λ and one multiply-add a sum and line.
 
-use super::record_space::RecordSpace;
+use super::record_workspace::RecordWorkspace;
 use crate::linalg::lanes::Entry;
 use crate::modulation::{Column, Signal};
 use crate::simd::{Lanes, Wide};
@@ -230,13 +230,13 @@ impl Products {
     #[inline(always)]
     pub fn write<L: Lanes>(
         &self,
-        r: &mut RecordSpace,
+        r: &mut RecordWorkspace,
         range: Range<usize>,
         powers: &[f64],
         data: Data,
         model: Option<Model<'_>>,
     ) {
-        let RecordSpace { re, im, products, lines, rows, .. } = r;
+        let RecordWorkspace { re, im, products, lines, rows, .. } = r;
         let (lines, rows) = (*lines, *rows);
         let (part, width) = (range.len(), self.width);
         let (replaces, besides) = match model {
@@ -289,7 +289,7 @@ impl Products {
     pub fn accumulate<L: Lanes>(
         &self,
         plan: &SumPlan,
-        r: &RecordSpace,
+        r: &RecordWorkspace,
         weights: &[Wide],
         begins: bool,
         sums: &mut [Wide],
@@ -333,7 +333,7 @@ fn write_family<L: Lanes, const N: usize, const ALTERNATES: bool>(
 #[inline(always)]
 fn together<L: Lanes, const N: usize>(
     plan: &SumPlan,
-    r: &RecordSpace,
+    r: &RecordWorkspace,
     weights: &[Wide],
     begins: bool,
     sums: &mut [Wide],

@@ -1,4 +1,4 @@
-//! Scratch of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
+//! Workspace of one worker: the coefficients of eight replicates and everything a pass writes. Made once, never grown.
 
 use std::sync::Arc;
 
@@ -8,16 +8,16 @@ use super::design::Design;
 use super::driven::output::Refined;
 use super::iterates::{Iterates, Progress};
 use super::qr_step::QrStep;
-use super::record_space::RecordSpace;
+use super::record_workspace::RecordWorkspace;
 use super::rest::{Drives, Tie};
-use super::straight::tables::Space;
+use super::straight::tables::StraightWorkspace;
 use crate::simd::{LANES, Wide};
 use crate::structure::CovType;
 
-/// Scratch for one [`Design`].
+/// Workspace for one [`Design`].
 #[derive(Debug, Clone)]
 pub struct Workspace {
-    pub(crate) records: Vec<RecordSpace>,
+    pub(crate) records: Vec<RecordWorkspace>,
     /// On the lines of a tile: λ, their weights; A and 1/|A|².
     pub(crate) weights: Vec<Wide>,
     pub(crate) a_re: Vec<Wide>,
@@ -31,7 +31,7 @@ pub struct Workspace {
     pub(crate) sums: Vec<Wide>,
     /// Whether the products of the records are those of their coefficients.
     pub(crate) prepared: bool,
-    pub(crate) straight: Space,
+    pub(crate) straight: StraightWorkspace,
     pub(crate) diagonal: Vec<Wide>,
     /// System in θ alone, summed over records.
     pub(crate) global: Vec<Wide>,
@@ -41,7 +41,7 @@ pub struct Workspace {
     pub(crate) progress: Progress,
     /// Lanes in which the last step by orthogonal factors met dependent columns.
     pub(crate) dependent: [bool; LANES],
-    /// Scratch for one record's unknowns.
+    /// Workspace for one record's unknowns.
     pub(crate) unknowns: Vec<Wide>,
     /// Size of the target column, Σ w|γ₀|², and of each θ column: what convergence is judged by.
     pub(crate) target_size: Wide,
@@ -78,7 +78,7 @@ impl Workspace {
         let records = d
             .records
             .iter()
-            .map(|r| RecordSpace {
+            .map(|r| RecordWorkspace {
                 re: {
                     let mut re = wide((1 + inputs) * r.x.len());
                     re.resize((2 + inputs) * r.x.len(), Wide::splat(1.0));
@@ -119,7 +119,7 @@ impl Workspace {
             // And a zero, for entries that vanish.
             sums: wide(d.products.count + 1),
             prepared: false,
-            straight: Space::new(d.straight.as_ref()),
+            straight: StraightWorkspace::new(d.straight.as_ref()),
             diagonal: wide(size.max(extra)),
             global: wide(extra * (extra + 1)),
             iterates: Iterates::new(p, d.transient, d.records.len()),

@@ -6,7 +6,7 @@ pub mod histogram;
 pub mod moments;
 mod plan;
 mod run;
-mod space;
+mod workspace;
 
 pub use plan::{Contender, Draw, Group, Plan, Told};
 pub use run::{Cell, Run};

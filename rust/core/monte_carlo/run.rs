@@ -5,7 +5,7 @@ use super::draw::Noisy;
 use super::histogram::{Histogram, Occupied};
 use super::moments::Moments;
 use super::plan::{GroupPlan, Plan, Task};
-use super::space::Space;
+use super::workspace::TaskWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::Outcome;
 use crate::estimate::batch::CHUNK;
@@ -78,13 +78,13 @@ impl Plan {
         }
         let chunks = run.replicates.div_ceil(CHUNK);
         let counted: Vec<Mutex<Counted>> = self.groups.iter().map(|_| Mutex::default()).collect();
-        let work = |w: &mut Option<Worker>, index: usize| {
+        let work = |w: &mut Option<GroupWorkspace>, index: usize| {
             // Group after group, so that a worker prepares for each about once and few groups are open.
             let (group, chunk) = (index / chunks, index % chunks);
             let g = &self.groups[group];
             let mut worker = match w.take() {
                 Some(worker) if worker.group == group => worker,
-                _ => Worker::new(g, group),
+                _ => GroupWorkspace::new(g, group),
             };
             let mut cells: Vec<Cell> = g.cells().map(Cell::new).collect();
             worker.errors.iter_mut().for_each(Vec::clear);
@@ -134,7 +134,7 @@ impl Plan {
     /// Eight replicates through all levels and estimators of a group.
     fn block(
         &self,
-        w: &mut Worker,
+        w: &mut GroupWorkspace,
         run: &Run,
         first: u64,
         count: usize,
@@ -147,7 +147,7 @@ impl Plan {
         let live = std::array::from_fn(|lane| lane < count);
         for (level, sigma) in g.sigma.iter().enumerate() {
             for (k, task) in g.tasks.iter().enumerate() {
-                let space = &mut w.spaces[k];
+                let space = &mut w.workspaces[k];
                 let lines = task.problem.lines();
                 let source = &g.sources[task.source];
                 let initial = &w.initial[..];
@@ -171,7 +171,13 @@ impl Plan {
     }
 
     /// Noise coefficients of every source, and normals of the initial states.
-    fn draw(&self, g: &GroupPlan, w: &mut Worker, seed: u64, replicate: u64) -> Result<(), Error> {
+    fn draw(
+        &self,
+        g: &GroupPlan,
+        w: &mut GroupWorkspace,
+        seed: u64,
+        replicate: u64,
+    ) -> Result<(), Error> {
         let fill = |purpose, channel, out: &mut [Wide]| {
             rng::fill(self.isa, seed, purpose, channel, replicate, g.group, out);
         };
@@ -212,10 +218,10 @@ impl Counted {
 }
 
 /// One thread's memory for one group.
-struct Worker {
+struct GroupWorkspace {
     group: usize,
     /// A workspace an estimator, inputs loaded.
-    spaces: Vec<Space>,
+    workspaces: Vec<TaskWorkspace>,
     scratch: Vec<Scratch>,
     /// Normals: a sample each, or a coefficient each.
     samples: Vec<Wide>,
@@ -226,13 +232,13 @@ struct Worker {
     errors: Vec<Vec<f64>>,
 }
 
-impl Worker {
-    fn new(g: &GroupPlan, group: usize) -> Worker {
+impl GroupWorkspace {
+    fn new(g: &GroupPlan, group: usize) -> GroupWorkspace {
         let wide = |n: usize| vec![Wide::ZERO; n];
-        let spaces = g.tasks.iter().map(|task| Space::new(g, task)).collect();
-        Worker {
+        let workspaces = g.tasks.iter().map(|task| TaskWorkspace::new(g, task)).collect();
+        GroupWorkspace {
             group,
-            spaces,
+            workspaces,
             scratch: g.sources.iter().map(|s| s.plan.scratch()).collect(),
             samples: wide({
                 let drawn = g.sources.iter().flat_map(|s| &s.coloured).map(Coloured::normals);
@@ -265,7 +271,7 @@ impl Cell {
     fn add(
         &mut self,
         task: &Task,
-        space: &Space,
+        space: &TaskWorkspace,
         outcome: &Outcome,
         count: usize,
         quantile: f64,
@@ -301,7 +307,7 @@ impl Cell {
     }
 
     /// Keeps the estimates of the lanes with these statuses.
-    fn keep(&mut self, task: &Task, space: &Space, statuses: &[Status]) {
+    fn keep(&mut self, task: &Task, space: &TaskWorkspace, statuses: &[Status]) {
         for (lane, status) in statuses.iter().enumerate() {
             for k in 0..task.truth.len() {
                 let value = space.parameter(task, k)[lane];

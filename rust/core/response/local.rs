@@ -23,9 +23,9 @@ const STEPS: usize = 10;
 /// Shorter and shorter steps tried until the residuals fall.
 const HALVINGS: usize = 5;
 
-/// Scratch memory of one worker.
+/// Memory of one worker.
 #[derive(Debug, Clone, Default)]
-pub struct Work {
+pub struct Workspace {
     outputs: usize,
     inputs: usize,
     terms: usize,
@@ -70,7 +70,7 @@ struct Columns {
     all: usize,
 }
 
-impl Work {
+impl Workspace {
     fn lines(&self) -> usize {
         self.distance.len()
     }

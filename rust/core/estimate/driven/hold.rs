@@ -16,7 +16,7 @@ impl Driven {
                 let rows = (0..2 * q).map(|e| block.row + e * count + i);
                 let taken: f64 = rows.map(|row| leverage(block, &self.mean, row)).sum();
                 own.left = (own.count - taken / q as f64).max(LEFT);
-                let e = &mut self.desk.e;
+                let e = &mut self.space.e;
                 gather(&self.residual[block.row..], own.count, e, (count, i));
                 let over = &mut self.over[(block.line + i) * q * q..][..q * q];
                 over[..q].fill(own.left);

@@ -201,12 +201,12 @@ pub(crate) struct Driven {
     sandwich: Vec<f64>,
     held: Vec<bool>,
     known: Known,
-    desk: Desk,
+    space: Workspace,
 }
 
 /// Matrices and columns of one line.
 #[derive(Debug, Clone)]
-struct Desk {
+struct Workspace {
     a: Vec<C>,
     work: Vec<C>,
     sizes: Vec<f64>,
@@ -265,7 +265,7 @@ impl Driven {
             sandwich: vec![0.0; p * p],
             held: vec![false; unknowns],
             known,
-            desk: Desk {
+            space: Workspace {
                 a: vec![zero; q * q],
                 work: vec![zero; q * q],
                 sizes: vec![0.0; q * q],
@@ -290,7 +290,7 @@ impl Driven {
         self.known.set(theta);
         let mut criterion = self.known.distance();
         let q = self.outputs;
-        let Desk { a, work, sizes, r, x, .. } = &mut self.desk;
+        let Workspace { a, work, sizes, r, x, .. } = &mut self.space;
         for (k, block) in self.blocks.iter_mut().enumerate() {
             let [unit, inside] = block.sampled.variances;
             let count = block.sampled.lines;
@@ -369,7 +369,7 @@ impl Driven {
         let size = q * q;
         let part = self.lines.len() * size;
         self.slopes.fill(0.0);
-        let Desk { a, r, e, noise, slope, x, y, z, .. } = &mut self.desk;
+        let Workspace { a, r, e, noise, slope, x, y, z, .. } = &mut self.space;
         for (k, block) in self.blocks.iter().enumerate() {
             let [unit, inside] = block.sampled.variances;
             let count = block.sampled.lines;

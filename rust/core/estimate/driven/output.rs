@@ -2,7 +2,7 @@
 
 use super::{C, Driven, Found, Linear, Sampled, plus, times};
 use crate::estimate::design::Design;
-use crate::estimate::record_space::RecordSpace;
+use crate::estimate::record_workspace::RecordWorkspace;
 use crate::modulation::{Column, Signal};
 use crate::structure::Noise;
 
@@ -32,7 +32,7 @@ pub(crate) struct Refined {
 /// The problem of one lane.
 pub(crate) struct Output<'a> {
     pub d: &'a Design,
-    pub records: &'a [RecordSpace],
+    pub records: &'a [RecordWorkspace],
     pub lane: usize,
     pub theta: Vec<f64>,
 }

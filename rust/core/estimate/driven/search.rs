@@ -200,7 +200,7 @@ impl Driven {
             let (mut sum, mut count) = (0.0, 0.0);
             for (k, block) in self.blocks.iter().enumerate() {
                 for i in 0..block.sampled.lines {
-                    let x = &mut self.desk.x;
+                    let x = &mut self.space.x;
                     model.enters(k, i, l, x);
                     whiten(&self.lower[(block.line + i) * size..][..size], x);
                     let unit: f64 = x.iter().map(|x| square(*x)).sum();

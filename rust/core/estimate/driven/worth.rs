@@ -195,7 +195,7 @@ impl Driven {
     fn share(&mut self, model: &impl Linear, output: usize, levels: &[f64]) -> f64 {
         let q = self.outputs;
         let (mut measured, mut driven) = (0.0, 0.0);
-        let x = &mut self.desk.x;
+        let x = &mut self.space.x;
         for (k, block) in self.blocks.iter().enumerate() {
             let [unit, inside] = block.sampled.variances;
             for i in (0..block.sampled.lines).filter(|i| !self.lines[block.line + i].silent) {

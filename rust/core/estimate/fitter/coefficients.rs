@@ -1,6 +1,6 @@
 //! Fits from coefficients on lines that were given: those of streams and of samples that come one by one.
 
-use super::{Desk, Fitter};
+use super::{FitWorkspace, Fitter};
 use crate::error::Error;
 use crate::estimate::band::Range;
 use crate::estimate::fit::Fit;
@@ -16,10 +16,10 @@ impl Fitter {
     /// # Errors
     /// As [`Fitter::fit`], and [`Error::Spec`] where the lines were not given.
     pub(crate) fn fit_coefficients(&self, spectra: &Spectra) -> Result<Fit, Error> {
-        let mut desk = self.desks.lend();
-        let desk = desk.get_or(|| self.desk());
-        let ranges = self.take(desk, spectra)?;
-        self.finish(desk, &ranges, Start::Wls, None)
+        let mut space = self.spaces.lend();
+        let space = space.get_or(|| self.space());
+        let ranges = self.take(space, spectra)?;
+        self.finish(space, &ranges, Start::Wls, None)
     }
 
     /// The same of up to eight moments, one a lane.
@@ -29,14 +29,14 @@ impl Fitter {
     pub(crate) fn fit_moments(&self, moments: &[Spectra]) -> Result<Many, Error> {
         let mut out = Many::default();
         let Some(first) = moments.first() else { return Ok(out) };
-        let mut desk = self.desks.lend();
-        let desk = desk.get_or(|| self.desk());
-        let ranges = self.take(desk, first)?;
-        let mut problem = self.problem(desk, &ranges)?;
+        let mut space = self.spaces.lend();
+        let space = space.get_or(|| self.space());
+        let ranges = self.take(space, first)?;
+        let mut problem = self.problem(space, &ranges)?;
         let lines = problem.design.lines();
         for (lane, spectra) in moments.iter().enumerate().skip(1) {
             for (k, (channels, own)) in spectra.iter().zip(&lines).enumerate() {
-                for (signal, ((re, im), unit)) in channels.iter().zip(&desk.units).enumerate() {
+                for (signal, ((re, im), unit)) in channels.iter().zip(&space.units).enumerate() {
                     let to = problem.space.signal_mut(k, signal);
                     let from = re[own.first..].iter().zip(&im[own.first..]);
                     for ((to_re, to_im), (re, im)) in to.0.iter_mut().zip(to.1).zip(from) {
@@ -52,12 +52,12 @@ impl Fitter {
         let (d, w) = (&problem.design, &mut problem.space);
         let outcome = estimate(self.isa, d, w, live, Start::Wls, &options);
         (0..moments.len()).for_each(|lane| out.push(d, w, lane, &outcome));
-        desk.keep(problem);
+        space.keep(problem);
         Ok(out)
     }
 
-    /// Coefficients onto the desk; the lines, as given.
-    fn take(&self, desk: &mut Desk, spectra: &Spectra) -> Result<Vec<Range>, Error> {
+    /// Coefficients onto the workspace; the lines, as given.
+    fn take(&self, space: &mut FitWorkspace, spectra: &Spectra) -> Result<Vec<Range>, Error> {
         if self.o.band_is_sought() {
             return Err(Error::Spec("fitting coefficients: no band was given".into()));
         }
@@ -68,11 +68,11 @@ impl Fitter {
                     .into(),
             ));
         }
-        for ((re, im), to) in spectra.iter().flatten().zip(desk.spectra.iter_mut().flatten()) {
+        for ((re, im), to) in spectra.iter().flatten().zip(space.spectra.iter_mut().flatten()) {
             to.re.copy_from_slice(re);
             to.im.copy_from_slice(im);
         }
-        desk.begin();
+        space.begin();
         Ok(self.ranges())
     }
 }

@@ -1,6 +1,6 @@
 //! What a user sees of an estimate on chosen lines.
 
-use super::{Desk, Fitter, Problem};
+use super::{FitWorkspace, Fitter, Problem};
 use crate::error::Error;
 use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{BandRule, Range};
@@ -16,12 +16,12 @@ impl Fitter {
     /// The estimate on the chosen lines with everything a user sees; of several starts the best.
     pub(super) fn finish(
         &self,
-        desk: &mut Desk,
+        space: &mut FitWorkspace,
         ranges: &[Range],
         start: Start<'_>,
         band_rule: Option<BandRule>,
     ) -> Result<Fit, Error> {
-        let mut problem = self.problem(desk, ranges)?;
+        let mut problem = self.problem(space, ranges)?;
         let (d, w) = (&problem.design, &mut problem.space);
         let options = Options { wanted: Wanted::Covariance, ..self.o.options };
         let live = start.lanes();
@@ -54,14 +54,14 @@ impl Fitter {
             sigma: plain_sigma * d.cost_unit(),
             free_cost: None,
             levels: w.refined.as_ref().map(|own| own.levels(d, lane)),
-            record_levels: desk.levels.iter().map(|v| v.sqrt()).collect(),
+            record_levels: space.levels.iter().map(|v| v.sqrt()).collect(),
             residuals: match &w.refined {
                 Some(own) => own.residuals(lane),
                 None => residuals.iter().map(|r| r.iter().map(over).collect()).collect(),
             },
         };
         fit.free_cost = self.free_cost(&mut problem, &fit.answer.theta, &options);
-        desk.keep(problem);
+        space.keep(problem);
         Ok(fit)
     }
 

@@ -10,7 +10,7 @@ use super::iterate::{JointStart, Refresh};
 use super::single::{Run, Single};
 use super::structure::{JointSignal, JointStructure, Term};
 use super::unalias::unalias;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::aliasing::{Fold, Record};
 use crate::estimate::at_once::part;
@@ -210,7 +210,7 @@ impl Single<'_> {
 pub(super) fn one_by_one(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     live: [bool; LANES],
     o: &Options,
 ) -> Result<Outcome, Error> {

@@ -8,7 +8,7 @@ use super::design::JointDesign;
 use super::fitter::{JointFitter, JointRecord, JointRecordPlan, Loaded};
 use super::iterate::{JointStart, estimate};
 use super::single::Single;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::Error;
 use crate::estimate::band::Choice;
 use crate::estimate::batch::CHUNK;
@@ -146,7 +146,7 @@ impl JointFitter {
         // Lanes know nothing of priors.
         let large = shared.design.size() > LARGE || !self.o.priors.is_empty();
         let make = || shared.worker(self.isa, large);
-        let work = |w: &mut Worker<'_>, chunk: usize| {
+        let work = |w: &mut JointBatchWorkspace<'_>, chunk: usize| {
             let mut out = Many::default();
             let (from, to) = (chunk * CHUNK, ((chunk + 1) * CHUNK).min(batch.records));
             if let Some(single) = &mut w.single {
@@ -205,9 +205,9 @@ impl JointFitter {
 
 /// One worker's memory for blocks of records, or for one at a time where problems are large.
 #[derive(Default)]
-struct Worker<'d> {
+struct JointBatchWorkspace<'d> {
     single: Option<Single<'d>>,
-    space: JointSpace,
+    space: JointWorkspace,
     scratch: Vec<Scratch>,
     samples: Vec<Wide>,
     re: Vec<Wide>,
@@ -231,7 +231,7 @@ impl JointFitter {
         single.w.begin_delays(d);
         single.w.keep_measured();
         let mut delayed = self.delayed(std::slice::from_ref(record));
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
+        let mut refresh = |w: &mut JointWorkspace| delays::refresh(self.isa, d, w, &mut delayed, 1);
         let start = shared.start.as_deref().map_or(JointStart::Wls, JointStart::Theta);
         let ended = single.estimate(start, &self.o.options, None, &mut refresh)?;
         let (found, status) = single.answer(ended);
@@ -249,15 +249,15 @@ impl JointFitter {
 }
 
 impl JointShared {
-    fn worker(&self, isa: Isa, large: bool) -> Worker<'_> {
+    fn worker(&self, isa: Isa, large: bool) -> JointBatchWorkspace<'_> {
         if large {
             let single = Some(Single::new(isa, &self.design));
-            return Worker { single, ..Worker::default() };
+            return JointBatchWorkspace { single, ..JointBatchWorkspace::default() };
         }
         let (samples, lines) = (self.plans[0].samples(), self.plans[0].harmonics() + 1);
-        Worker {
+        JointBatchWorkspace {
             single: None,
-            space: JointSpace::new(&self.design),
+            space: JointWorkspace::new(&self.design),
             scratch: self.plans.iter().map(CoefficientPlan::scratch).collect(),
             samples: vec![Wide::ZERO; samples],
             re: vec![Wide::ZERO; lines],
@@ -271,7 +271,7 @@ impl JointShared {
     }
 
     /// Copies coefficients from line 0 on into the workspace, in its units.
-    pub(crate) fn load(&self, space: &mut JointSpace, signal: usize, re: &[Wide], im: &[Wide]) {
+    pub(crate) fn load(&self, space: &mut JointWorkspace, signal: usize, re: &[Wide], im: &[Wide]) {
         let lines = self.design.records[0].lines;
         let by = 1.0 / self.design.units[signal];
         let (to_re, to_im) = space.signal_mut(0, signal);
@@ -288,7 +288,7 @@ impl JointShared {
     }
 
     /// Brings outputs that stand in the user's units to those of the workspace.
-    pub(crate) fn to_units(&self, space: &mut JointSpace) {
+    pub(crate) fn to_units(&self, space: &mut JointWorkspace) {
         for output in 0..self.design.outputs() {
             let by = 1.0 / self.design.units[output];
             let (re, im) = space.signal_mut(0, output);
@@ -304,7 +304,7 @@ impl JointShared {
     pub(crate) fn estimate(
         &self,
         isa: Isa,
-        space: &mut JointSpace,
+        space: &mut JointWorkspace,
         live: [bool; LANES],
         samples: Vec<Vec<&[f64]>>,
         options: &Options,
@@ -321,7 +321,7 @@ impl JointShared {
             intervals: self.intervals,
             tables: Vec::new(),
         }];
-        let mut refresh = |w: &mut JointSpace| delays::refresh(isa, d, w, &mut delayed, LANES);
+        let mut refresh = |w: &mut JointWorkspace| delays::refresh(isa, d, w, &mut delayed, LANES);
         space.begin_delays(d);
         let start = match &self.start {
             Some(theta) => JointStart::Theta(theta),
@@ -333,7 +333,7 @@ impl JointShared {
 
 impl Many {
     /// Adds one lane's results.
-    fn push_joint(&mut self, d: &JointDesign, w: &JointSpace, lane: usize, outcome: &Outcome) {
+    fn push_joint(&mut self, d: &JointDesign, w: &JointWorkspace, lane: usize, outcome: &Outcome) {
         self.theta.extend(w.theta(d, lane));
         self.push_errors(&w.covariances, lane, |k| d.parameter_scale(k));
         self.status.push(outcome.status[lane]);
@@ -342,7 +342,7 @@ impl Many {
     }
 
     /// Adds a lane's cost: of one output in units of its square.
-    fn push_cost(&mut self, d: &JointDesign, w: &JointSpace, lane: usize) {
+    fn push_cost(&mut self, d: &JointDesign, w: &JointWorkspace, lane: usize) {
         let unit = match d.outputs() {
             1 => w.sigma[0].0[lane] * d.residual_unit(0) * d.residual_unit(0),
             _ => 1.0,

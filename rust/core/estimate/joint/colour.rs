@@ -3,7 +3,7 @@
 use super::design::JointDesign;
 use super::rows::rows;
 use super::tile::Across;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::estimate::autoregression::{Autocovariance, FREE_ROUNDS, share};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::tiles;
@@ -15,7 +15,7 @@ use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 pub(crate) fn refit(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     round: usize,
     live: [bool; LANES],
 ) -> [f64; LANES] {
@@ -60,7 +60,7 @@ pub(crate) fn refit(
 /// |z|²/unit variance of the uncoloured residuals r/A on all lines there are.
 struct Periodogram<'a> {
     design: &'a JointDesign,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
     power: &'a mut [Vec<Wide>],
 }
 

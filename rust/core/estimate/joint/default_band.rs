@@ -6,7 +6,7 @@ use super::fitter::{JointFitter, JointRecord, Loaded};
 use super::iterate::{JointStart, estimate};
 use super::single::Single;
 use super::structure::Delay;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::band::{Band, BandRule, CLOSE, Choice, Range, SAME, fewest_lines, lower_ends};
 use crate::estimate::{Options, Outcome, Wanted};
@@ -130,7 +130,7 @@ impl JointFitter {
         let options = Options { tol, wanted: Wanted::Cost, ..self.few_steps() };
         let mut delayed = self.delayed(records);
         let d = single.d;
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, d, w, &mut delayed, 1);
+        let mut refresh = |w: &mut JointWorkspace| delays::refresh(self.isa, d, w, &mut delayed, 1);
         let start = start.map_or(JointStart::Wls, JointStart::Theta);
         let ended = single.estimate(start, &options, near, &mut refresh)?;
         let cost = single.criterion();
@@ -182,9 +182,9 @@ impl JointFitter {
         let trials: usize = grids.iter().map(Vec::len).product::<usize>().min(16 * TRIALS);
         let mut delayed = self.delayed(records);
         let mut refresh =
-            |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, LANES);
+            |w: &mut JointWorkspace| delays::refresh(self.isa, &d, w, &mut delayed, LANES);
         // Puts delays into lanes; which of these count.
-        let place = |w: &mut JointSpace, some: &[usize]| {
+        let place = |w: &mut JointWorkspace, some: &[usize]| {
             for lane in 0..LANES {
                 let mut rest = some[lane.min(some.len() - 1)];
                 for (at, grid) in grids.iter().enumerate() {
@@ -195,7 +195,7 @@ impl JointFitter {
             }
             std::array::from_fn(|lane| lane < some.len())
         };
-        let cost = |w: &JointSpace, outcome: &Outcome, lane: usize| match outcome.status[lane] {
+        let cost = |w: &JointWorkspace, outcome: &Outcome, lane: usize| match outcome.status[lane] {
             Status::Ok | Status::MaxIter => w.criterion(&d, lane),
             _ => f64::INFINITY,
         };

@@ -3,7 +3,7 @@
 use super::design::JointDesign;
 use super::structure::Delay;
 use super::tile::Across;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::Error;
 use crate::quadrature::Hold;
 use crate::simd::{Isa, LANES, Wide, numbers_mut};
@@ -47,7 +47,7 @@ impl Delayed<'_> {
 pub(crate) fn refresh(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     records: &mut [Delayed<'_>],
     lanes: usize,
 ) -> Result<(), Error> {

@@ -5,7 +5,7 @@ use super::fit::JointFit;
 use super::fitter::JointFitter;
 use super::single::{Ended, Single};
 use super::structure::{JointSignal, Term};
-use super::workspace::JointRecordSpace;
+use super::workspace::JointRecordWorkspace;
 use crate::error::Status;
 use crate::estimate::driven::output::{Levels, in_units};
 use crate::estimate::driven::{C, Driven, Found, Linear, Sampled, plus, times};
@@ -15,7 +15,7 @@ use crate::simd::{LANES, numbers};
 /// The equation A(s)Y = B(s)U on the lines of a single problem.
 struct Row<'a> {
     d: &'a JointDesign,
-    records: &'a [JointRecordSpace],
+    records: &'a [JointRecordWorkspace],
     theta: Vec<f64>,
 }
 

@@ -6,7 +6,7 @@ use super::fitter::{JointFitter, JointRecord, Loaded};
 use super::iterate::JointStart;
 use super::single::{Covariances, Ended, Single};
 use super::structure::JointStructure;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::answer::{Answer, unit_diagonal};
 use crate::estimate::band::{Band, BandRule, Choice, MANY, Range, SAME};
@@ -141,7 +141,8 @@ impl JointFitter {
     ) -> Result<JointFit, Error> {
         let d = self.design(ranges, &loaded.scales, noise, true)?;
         let mut delayed = self.delayed(records);
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
+        let mut refresh =
+            |w: &mut JointWorkspace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
         let mut single = self.single(&d, loaded);
         let ended = single.estimate(start, &self.o.options, None, &mut refresh)?;
         Ok(self.finished(&d, &mut single, (ended, None), loaded))
@@ -169,7 +170,8 @@ impl JointFitter {
         let Choice { ranges, rule, theta } = self.choose(loaded, records, before)?;
         let d = self.design(&ranges, &loaded.scales, &self.o.noise, true)?;
         let mut delayed = self.delayed(records);
-        let mut refresh = |w: &mut JointSpace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
+        let mut refresh =
+            |w: &mut JointWorkspace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
         let start = theta.as_deref().map_or(JointStart::Wls, JointStart::Theta);
         let mut best = self.single(&d, loaded);
         let mut ended = best.estimate(start, &self.o.options, None, &mut refresh)?;

@@ -7,7 +7,7 @@ use super::design::{Colour, JointDesign, NoiseModel, RecordLines, Seen};
 use super::single::Single;
 use super::structure::{Delay, JointStructure, Path};
 use super::whitener::{Uneven, uneven};
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::Error;
 use crate::estimate::Options;
 use crate::estimate::aliasing::{Aliasing, output_rule};
@@ -401,8 +401,8 @@ impl JointFitter {
     }
 
     /// A workspace that holds the coefficients in all lanes.
-    pub(crate) fn space(&self, d: &JointDesign, loaded: &Loaded) -> JointSpace {
-        let mut w = JointSpace::new(d);
+    pub(crate) fn space(&self, d: &JointDesign, loaded: &Loaded) -> JointWorkspace {
+        let mut w = JointWorkspace::new(d);
         for (k, spectra) in loaded.spectra.iter().enumerate() {
             let first = d.records[k].lines.first;
             for (signal, ((re, im), unit)) in spectra.iter().zip(&loaded.scales.units).enumerate() {
@@ -445,7 +445,7 @@ impl JointFitter {
     }
 }
 
-impl JointSpace {
+impl JointWorkspace {
     /// Delays at their starts.
     pub(crate) fn begin_delays(&mut self, d: &JointDesign) {
         for (at, s) in d.free_delays.iter().enumerate() {

@@ -12,7 +12,7 @@
 //! as 1/ν. The variance of each parameter grows by its own ratio; correlations stay.
 
 use super::design::JointDesign;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::linalg::large::{product, transposed_product};
 use crate::simd::{Kernel, Lanes};
 use crate::structure::Method;
@@ -38,7 +38,7 @@ fn scatter(freedom: usize, outputs: usize) -> f64 {
 
 /// Takes in the influences of a line of variance 1/`weight`, as they stand in the workspace.
 #[inline(always)]
-pub(super) fn add_line<L: Lanes>(d: &JointDesign, w: &mut JointSpace, weight: L) {
+pub(super) fn add_line<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, weight: L) {
     let (q, p) = (d.outputs(), d.parameters());
     let of = |part: usize, i: usize, a: usize| L::load(&w.influence[part][i * p + a]);
     let mut to = w.shared.iter_mut();
@@ -64,7 +64,7 @@ pub(super) fn add_line<L: Lanes>(d: &JointDesign, w: &mut JointSpace, weight: L)
 /// Lets the covariances in the workspace grow.
 pub(super) struct Grow<'a> {
     pub design: &'a JointDesign,
-    pub space: &'a mut JointSpace,
+    pub space: &'a mut JointWorkspace,
 }
 
 impl Kernel for Grow<'_> {

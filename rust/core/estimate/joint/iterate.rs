@@ -6,7 +6,7 @@ use super::rows::rows;
 use super::step::step;
 use super::unalias::unalias;
 use super::uncertainty;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::band::CLOSE;
 use crate::estimate::iterates::Move;
@@ -27,7 +27,7 @@ pub(super) const FLOOR: f64 = 1e-14;
 const OWN: f64 = 1e-8;
 
 /// What keeps the coefficients of delayed inputs at the current delays; called when they have changed.
-pub(crate) type Refresh<'a> = dyn FnMut(&mut JointSpace) -> Result<(), Error> + 'a;
+pub(crate) type Refresh<'a> = dyn FnMut(&mut JointWorkspace) -> Result<(), Error> + 'a;
 
 /// Where an iteration starts.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,7 +46,7 @@ pub(crate) enum JointStart<'a> {
 pub(crate) fn estimate(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     live: [bool; LANES],
     start: JointStart<'_>,
     o: &Options,
@@ -125,7 +125,7 @@ pub(crate) fn estimate(
     Ok(Outcome { status, nit: w.progress.nit.0.map(|nit| nit as u32) })
 }
 
-fn status(d: &JointDesign, w: &JointSpace, with_covariance: bool) -> [Status; LANES] {
+fn status(d: &JointDesign, w: &JointWorkspace, with_covariance: bool) -> [Status; LANES] {
     let theta = &w.iterates.theta.now;
     let covariances = with_covariance.then(|| w.covariances.judged());
     let lost = lost_lanes(w.dependent, covariances, theta.len());
@@ -158,7 +158,7 @@ struct Run {
 
 struct Iteration<'a> {
     design: &'a JointDesign,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
     run: Run,
     left: &'a mut usize,
     mended: &'a mut bool,
@@ -203,7 +203,7 @@ impl Kernel for Iteration<'_> {
 fn iterate(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     run: Run,
     refresh: &mut Refresh<'_>,
 ) -> Result<(), Error> {
@@ -241,7 +241,7 @@ fn iterate(
 fn settle_noise(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     live: [bool; LANES],
     run: Run,
     refresh: &mut Refresh<'_>,
@@ -279,7 +279,7 @@ fn settle_noise(
     Ok(())
 }
 
-impl JointSpace {
+impl JointWorkspace {
     /// Σ as given, or one; no colour but what is given.
     pub(crate) fn begin_noise(&mut self, d: &JointDesign) {
         let q = d.outputs();
@@ -312,7 +312,7 @@ impl JointSpace {
     /// Inverse of the lower Cholesky factor of Σ, lane by lane; called from vector code, so that no scalar
     /// multiply-add may stand here.
     pub(crate) fn take_root(&mut self, q: usize) {
-        let JointSpace { sigma, root, triangle: l, .. } = self;
+        let JointWorkspace { sigma, root, triangle: l, .. } = self;
         for lane in 0..LANES {
             for j in 0..q {
                 for i in j..q {
@@ -337,7 +337,7 @@ impl JointSpace {
 /// Σ̂ from the weighted residuals of the lines in use, in some lanes.
 struct Covariance<'a> {
     design: &'a JointDesign,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
     of: [bool; LANES],
 }
 
@@ -351,7 +351,7 @@ impl Kernel for Covariance<'_> {
 
 /// Σ̂ at the current θ and T, in the lanes `of`; the others keep theirs.
 #[inline(always)]
-fn covariance<L: Lanes>(d: &JointDesign, w: &mut JointSpace, of: L) {
+fn covariance<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, of: L) {
     let q = d.outputs();
     let used = w.records.iter().map(|r| r.limit);
     let each = L::splat(q as f64 / d.freedom(used).max(1) as f64);
@@ -395,7 +395,7 @@ fn covariance<L: Lanes>(d: &JointDesign, w: &mut JointSpace, of: L) {
 
 /// √det Σ̂: falls where log det Σ̂ does.
 #[inline(always)]
-fn determinant<L: Lanes>(d: &JointDesign, w: &JointSpace) -> Wide {
+fn determinant<L: Lanes>(d: &JointDesign, w: &JointWorkspace) -> Wide {
     let q = d.outputs();
     let product = (0..q).fold(L::splat(1.0), |p, i| p * L::load(&w.root[i * (q + 1)]));
     let mut all = Wide::ZERO;

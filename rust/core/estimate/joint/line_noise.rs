@@ -2,7 +2,7 @@
 
 use super::complex::{Complex, add, conj, get, put, zero};
 use super::design::JointDesign;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::covariance::variance;
 use crate::simd::Lanes;
 
@@ -11,7 +11,7 @@ use crate::simd::Lanes;
 #[inline(always)]
 pub(super) fn plain_whitener<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     k: usize,
     m: usize,
     flat: bool,
@@ -67,7 +67,7 @@ pub(super) fn plain_whitener<L: Lanes>(
 
 /// W where the inputs are noisy, too: inverse Cholesky factor of S = D Σ_y D* + B Σ_u B*.
 #[inline(always)]
-pub(super) fn full_whitener<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, m: usize) {
+pub(super) fn full_whitener<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, k: usize, m: usize) {
     let (q, paths) = (d.outputs(), d.paths());
     for i in 0..q {
         for j in 0..=i {
@@ -123,7 +123,7 @@ pub(super) fn full_whitener<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: us
 /// Covariance of the noise of outputs i and j on line m.
 #[inline(always)]
 pub(super) fn output_covariance<L: Lanes>(
-    w: &JointSpace,
+    w: &JointWorkspace,
     k: usize,
     m: usize,
     q: usize,
@@ -144,7 +144,7 @@ pub(super) fn is_noisy(d: &JointDesign, s: usize, v: usize) -> bool {
 #[inline(always)]
 pub(super) fn path_covariance<L: Lanes>(
     d: &JointDesign,
-    w: &JointSpace,
+    w: &JointWorkspace,
     k: usize,
     m: usize,
     s: usize,

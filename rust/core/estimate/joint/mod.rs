@@ -50,4 +50,4 @@ pub use fit::JointFit;
 pub(crate) use fitter::Scales;
 pub use fitter::{JointFitter, JointOptions, JointRecord};
 pub use structure::{Delay, JointStructure, Path};
-pub(crate) use workspace::JointSpace;
+pub(crate) use workspace::JointWorkspace;

@@ -3,7 +3,7 @@
 use super::design::JointDesign;
 use super::rows::rows;
 use super::tile::Rows;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::estimate::iterates::Iterate;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::tiles;
@@ -13,7 +13,7 @@ use crate::simd::{Isa, Kernel, Lanes};
 /// Writes the rows of a tile for all lanes.
 struct Tile<'a> {
     design: &'a JointDesign,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
     record: usize,
     range: std::ops::Range<usize>,
     weights: RowWeights,
@@ -40,7 +40,7 @@ impl Kernel for Tile<'_> {
 fn factor(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     lane: usize,
     weights: RowWeights,
     factors: LeftColumns,
@@ -59,7 +59,7 @@ fn factor(
                 weights,
                 factors,
             });
-            let JointSpace { left, right, qr, .. } = w;
+            let JointWorkspace { left, right, qr, .. } = w;
             let left = if factors == LeftColumns::Data { &*right } else { &*left };
             for (t, m) in range.enumerate() {
                 let root = d.records[k].weight[m].sqrt();
@@ -87,14 +87,14 @@ fn factor(
 pub(crate) fn solve(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     lane: usize,
     rule: Rule,
     held: bool,
 ) -> bool {
     let mut full = factor(isa, d, w, lane, rule.weights(), rule.factors());
     let delays = d.free.len();
-    let JointSpace { qr, pinned, iterates, .. } = w;
+    let JointWorkspace { qr, pinned, iterates, .. } = w;
     let Iterate { now, next, .. } = &mut iterates.theta;
     // Of a delay the system holds the change.
     let origin = |k: usize| if k >= delays { now[k].0[lane] } else { 0.0 };
@@ -115,7 +115,7 @@ pub(crate) fn solve(
 }
 
 /// Inverse of the normal matrix of one lane, without squaring the condition number.
-pub(crate) fn inverse(isa: Isa, d: &JointDesign, w: &mut JointSpace, lane: usize) {
+pub(crate) fn inverse(isa: Isa, d: &JointDesign, w: &mut JointWorkspace, lane: usize) {
     factor(isa, d, w, lane, d.final_weights(), d.final_factors());
     w.qr.inverse(&mut w.inverse, lane);
 }

@@ -7,7 +7,7 @@ use super::line_noise::{
 };
 use super::structure::JointSignal;
 use super::tile::{Across, Rows};
-use super::workspace::{JointRecordSpace, JointSpace};
+use super::workspace::{JointRecordWorkspace, JointWorkspace};
 use crate::covariance::{polynomial, variance};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::simd::{Lanes, Wide};
@@ -30,7 +30,7 @@ fn turned<L: Lanes>(v: Complex<L>, power: usize) -> Complex<L> {
 #[inline(always)]
 pub(crate) fn rows<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     k: usize,
     range: Range<usize>,
     weights: RowWeights,
@@ -44,7 +44,7 @@ pub(crate) fn rows<L: Lanes>(
 
 /// A signal's coefficient on line m.
 #[inline(always)]
-fn signal<L: Lanes>(r: &JointRecordSpace, at: usize, m: usize) -> Complex<L> {
+fn signal<L: Lanes>(r: &JointRecordWorkspace, at: usize, m: usize) -> Complex<L> {
     (L::load(&r.re[at * r.lines + m]), L::load(&r.im[at * r.lines + m]))
 }
 
@@ -53,7 +53,7 @@ fn signal<L: Lanes>(r: &JointRecordSpace, at: usize, m: usize) -> Complex<L> {
 #[inline(always)]
 fn line<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     k: usize,
     m: usize,
     t: usize,
@@ -135,7 +135,7 @@ fn line<L: Lanes>(
 
 /// A_i and B_ik at s = ix.
 #[inline(always)]
-fn polynomials<L: Lanes>(d: &JointDesign, w: &mut JointSpace, x: L) {
+fn polynomials<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, x: L) {
     let paths = d.paths();
     for (i, order) in d.structure.orders.iter().enumerate() {
         let from = d.denominators[i];
@@ -157,7 +157,7 @@ fn polynomials<L: Lanes>(d: &JointDesign, w: &mut JointSpace, x: L) {
 
 /// Denoised outputs and inputs into `hat`, from the residual in `column`: v − V L* S⁻¹ r.
 #[inline(always)]
-fn smooth<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, m: usize) {
+fn smooth<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, k: usize, m: usize) {
     let (q, paths) = (d.outputs(), d.paths());
     // S⁻¹ r = W* (W r), into `back`; W r into the front of `hat` meanwhile.
     for i in 0..q {
@@ -228,7 +228,13 @@ fn whiten<L: Lanes>(
 
 /// A signal's coefficient as measured or denoised.
 #[inline(always)]
-fn value<L: Lanes>(w: &JointSpace, k: usize, at: usize, m: usize, denoised: bool) -> Complex<L> {
+fn value<L: Lanes>(
+    w: &JointWorkspace,
+    k: usize,
+    at: usize,
+    m: usize,
+    denoised: bool,
+) -> Complex<L> {
     if denoised { get(&w.hat, at) } else { signal(&w.records[k], at, m) }
 }
 
@@ -237,7 +243,7 @@ fn value<L: Lanes>(w: &JointSpace, k: usize, at: usize, m: usize, denoised: bool
 #[inline(always)]
 fn columns<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     k: usize,
     m: usize,
     t: usize,
@@ -249,7 +255,7 @@ fn columns<L: Lanes>(
     for c in 0..if left { width - 1 } else { width } {
         let reach = &d.reach[c];
         if left && !d.denoised[c] {
-            let JointSpace { left, right, .. } = w;
+            let JointWorkspace { left, right, .. } = w;
             for i in if w.apart { &reach[..] } else { &d.reach[width - 1] } {
                 let at = right.at(*i, c, t);
                 left.set(at, right.get::<L>(at));
@@ -257,7 +263,7 @@ fn columns<L: Lanes>(
             continue;
         }
         column::<L>(d, w, k, m, c, denoised);
-        let JointSpace { white, column, left: lefts, right, .. } = w;
+        let JointWorkspace { white, column, left: lefts, right, .. } = w;
         let rows = if left { lefts } else { right };
         if w.apart {
             for i in reach {
@@ -274,7 +280,7 @@ fn columns<L: Lanes>(
 #[inline(always)]
 fn column<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     k: usize,
     m: usize,
     c: usize,

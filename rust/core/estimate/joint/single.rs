@@ -12,7 +12,7 @@ use super::iterate::{FLOOR, JointStart, LONGER, Refresh};
 use super::tile::Block;
 use super::unalias::unalias;
 use super::whitener::Whitener;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
@@ -33,7 +33,7 @@ const NEAR: f64 = 1e-3;
 /// A single problem with its coefficients, and where its estimate stands.
 pub(crate) struct Single<'d> {
     pub d: &'d JointDesign,
-    pub w: JointSpace,
+    pub w: JointWorkspace,
     pub(super) isa: Isa,
     blocks: Vec<Block>,
     system: System,
@@ -74,7 +74,7 @@ pub(super) struct Run<'a> {
 impl<'d> Single<'d> {
     /// Room for one design; coefficients are still to be written.
     pub fn new(isa: Isa, d: &'d JointDesign) -> Single<'d> {
-        let (w, blocks) = JointSpace::single(d);
+        let (w, blocks) = JointWorkspace::single(d);
         let q = d.outputs();
         Single {
             d,
@@ -338,7 +338,7 @@ impl<'d> Single<'d> {
             pinned[from + delays..].fill(Some(0.0));
         }
         let bounded = d.is_bounded();
-        let now = |w: &JointSpace, k: usize| match k < delays {
+        let now = |w: &JointWorkspace, k: usize| match k < delays {
             true => 0.0,
             false => w.iterates.theta.now[k].0[0],
         };
@@ -439,7 +439,7 @@ impl<'d> Single<'d> {
 /// Takes a step, or part of the way back.
 struct Take<'a> {
     rule: Rule,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
     limit: f64,
 }
 

@@ -3,7 +3,7 @@
 use super::design::JointDesign;
 use super::rows::rows;
 use super::tile::Rows;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::{add_parameter_block, copy, tiles};
 use crate::linalg::lanes::{eliminate, substitute};
@@ -16,7 +16,7 @@ const BLOCK: usize = 4;
 #[inline(always)]
 pub(crate) fn step<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     weights: RowWeights,
     factors: LeftColumns,
     delays_held: bool,
@@ -39,7 +39,7 @@ pub(crate) fn step<L: Lanes>(
     cost.store(&mut w.progress.cost);
     solve_parameters::<L>(d, w, delays_held);
     for k in 0..w.records.len() {
-        let JointSpace { records, iterates, unknowns, .. } = w;
+        let JointWorkspace { records, iterates, unknowns, .. } = w;
         let (next, theta) = (&iterates.theta.next, &iterates.theta.now);
         copy::<L>(next, &mut unknowns[nt..size]);
         // Of a delay the system holds the change.
@@ -55,7 +55,7 @@ pub(crate) fn step<L: Lanes>(
 
 /// Solves the system in θ; what would leave its bounds is set on them, and the rest solved again.
 #[inline(always)]
-fn solve_parameters<L: Lanes>(d: &JointDesign, w: &mut JointSpace, delays_held: bool) {
+fn solve_parameters<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, delays_held: bool) {
     let p = d.parameters();
     clear::<L>(&mut w.pinned);
     let bounded = d.is_bounded();
@@ -87,7 +87,7 @@ fn solve_parameters<L: Lanes>(d: &JointDesign, w: &mut JointSpace, delays_held: 
 
 /// Whether any lane's solution left its bounds; those parameters are pinned.
 #[inline(always)]
-fn leaves<L: Lanes>(d: &JointDesign, w: &mut JointSpace) -> bool {
+fn leaves<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace) -> bool {
     let mut any = false;
     for k in 0..d.parameters() {
         let (low, high) = d.parameter_bounds(k);
@@ -105,7 +105,7 @@ fn leaves<L: Lanes>(d: &JointDesign, w: &mut JointSpace) -> bool {
 
 /// In the lanes where parameter `k` is pinned its row says that it is its bound (a held delay: no change).
 #[inline(always)]
-fn pin<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, held: bool) {
+fn pin<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, k: usize, held: bool) {
     let p = d.parameters();
     let on = L::load(&w.pinned[k]);
     if !on.any() {
@@ -150,7 +150,7 @@ fn pin<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, held: bool) {
 #[inline(always)]
 pub(crate) fn record_system<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     k: usize,
     weights: RowWeights,
     factors: LeftColumns,
@@ -185,13 +185,13 @@ pub(crate) fn record_system<L: Lanes>(
 #[inline(always)]
 fn scale_left<L: Lanes>(
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     k: usize,
     range: std::ops::Range<usize>,
     factors: LeftColumns,
 ) {
     let (q, width) = (d.outputs(), d.size() + 1);
-    let JointSpace { left, right, .. } = w;
+    let JointWorkspace { left, right, .. } = w;
     let data = factors == LeftColumns::Data;
     for (t, m) in range.enumerate() {
         let weight = L::splat(d.records[k].weight[m]);

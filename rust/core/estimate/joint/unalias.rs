@@ -4,12 +4,12 @@ use std::f64::consts::TAU;
 
 use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::estimate::aliasing::{Aliasing, Fold, Images, LARGE, LARGE_AT_ONCE};
 use crate::simd::{Isa, Kernel, Lanes, Wide};
 
 /// Takes what the estimate's response folds out of the outputs, from the sums as they were measured.
-pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointSpace) {
+pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointWorkspace) {
     let Some(aliasing) = &d.aliasing else { return };
     let moved = moved(aliasing, d, w);
     let aliasing = moved.as_ref().unwrap_or(aliasing);
@@ -24,7 +24,7 @@ pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointSpace) {
     }
 }
 
-impl JointSpace {
+impl JointWorkspace {
     /// Keeps the outputs' sums as they stand.
     pub(crate) fn keep_measured(&mut self) {
         self.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
@@ -32,7 +32,7 @@ impl JointSpace {
 }
 
 /// Foldings where free delays stand, if there are such.
-fn moved(aliasing: &Aliasing, d: &JointDesign, w: &JointSpace) -> Option<Aliasing> {
+fn moved(aliasing: &Aliasing, d: &JointDesign, w: &JointWorkspace) -> Option<Aliasing> {
     if d.free_delays.is_empty() {
         return None;
     }
@@ -51,7 +51,7 @@ fn moved(aliasing: &Aliasing, d: &JointDesign, w: &JointSpace) -> Option<Aliasin
 struct Unalias<'a> {
     aliasing: &'a Aliasing,
     design: &'a JointDesign,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
 }
 
 impl Kernel for Unalias<'_> {

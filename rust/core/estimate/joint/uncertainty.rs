@@ -18,7 +18,7 @@ use super::growth::{Grow, add_line};
 use super::qr_step;
 use super::rows::rows;
 use super::step::{clear, record_system};
-use super::workspace::JointSpace;
+use super::workspace::JointWorkspace;
 use crate::estimate::covariances::Kinds;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::pass::{add_parameter_block, copy, tiles};
@@ -44,7 +44,7 @@ impl JointDesign {
 pub(crate) fn finish(
     isa: Isa,
     d: &JointDesign,
-    w: &mut JointSpace,
+    w: &mut JointWorkspace,
     live: [bool; LANES],
     covariance: bool,
 ) {
@@ -74,7 +74,7 @@ pub(crate) fn finish(
 /// T of every record by least squares at the current θ.
 pub(crate) struct Transients<'a> {
     pub design: &'a JointDesign,
-    pub space: &'a mut JointSpace,
+    pub space: &'a mut JointWorkspace,
 }
 
 impl Kernel for Transients<'_> {
@@ -86,7 +86,7 @@ impl Kernel for Transients<'_> {
         let mut trusted = Wide::splat(1.0);
         for k in 0..w.records.len() {
             record_system::<L>(d, w, k, d.final_weights(), LeftColumns::Data);
-            let JointSpace { records, iterates, unknowns, diagonal, .. } = &mut *w;
+            let JointWorkspace { records, iterates, unknowns, diagonal, .. } = &mut *w;
             let r = &mut records[k];
             eliminate::<L>(&mut r.matrix, size, 0..nt, diagonal, false, &mut trusted);
             copy::<L>(&iterates.theta.now, &mut unknowns[nt..size]);
@@ -101,7 +101,7 @@ impl Kernel for Transients<'_> {
 /// Cost, normal matrix of θ with the transient projected out, and its inverse, on the lines in use.
 pub(crate) struct Information<'a> {
     pub design: &'a JointDesign,
-    pub space: &'a mut JointSpace,
+    pub space: &'a mut JointWorkspace,
 }
 
 impl Kernel for Information<'_> {
@@ -115,7 +115,7 @@ impl Kernel for Information<'_> {
         clear::<L>(&mut w.global);
         for k in 0..w.records.len() {
             cost = cost + record_system::<L>(d, w, k, d.final_weights(), d.final_factors());
-            let JointSpace { records, square, work, diagonal, global, .. } = &mut *w;
+            let JointWorkspace { records, square, work, diagonal, global, .. } = &mut *w;
             let r = &mut records[k];
             for i in 0..nt {
                 copy::<L>(
@@ -159,7 +159,7 @@ impl Kernel for Information<'_> {
 /// Both covariances from the inverse, the rows and the residuals.
 struct Sandwich<'a> {
     design: &'a JointDesign,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
 }
 
 impl Kernel for Sandwich<'_> {
@@ -223,7 +223,7 @@ impl Kernel for Sandwich<'_> {
 
 /// Adds weight · J e/(1 − h) of one output's rows of a line to `z`, J with the transient projected out.
 #[inline(always)]
-fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weight: L) {
+fn row<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, k: usize, at: usize, weight: L) {
     let (p, nt, width) = (d.parameters(), d.transient.len(), d.size() + 1);
     let (r, output) = (&w.records[k], at % d.outputs());
     for c in 0..p {
@@ -268,7 +268,7 @@ fn row<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, at: usize, weigh
 
 /// Takes the two rows of an output, as `row` left them, into its noise spectrum.
 #[inline(always)]
-fn count<L: Lanes>(d: &JointDesign, w: &mut JointSpace, k: usize, (m, output): (usize, usize)) {
+fn count<L: Lanes>(d: &JointDesign, w: &mut JointWorkspace, k: usize, (m, output): (usize, usize)) {
     let r = &d.records[k];
     let at = output * d.bins.terms.len() + d.bins.of[k][m];
     // Line 0 is real.

@@ -1,4 +1,4 @@
-//! Scratch of a joint problem: coefficients of eight replicates and everything a pass writes.
+//! Workspace of a joint problem: coefficients of eight replicates and everything a pass writes.
 
 use super::design::{JointDesign, RecordDesign};
 use super::tile::{Across, Block, Rows};
@@ -11,7 +11,7 @@ use crate::simd::{LANES, Wide};
 
 /// One record of eight replicates.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct JointRecordSpace {
+pub(crate) struct JointRecordWorkspace {
     /// Signals (outputs, paths, derivatives of the paths by their delay) × lines.
     pub re: Vec<Wide>,
     pub im: Vec<Wide>,
@@ -31,15 +31,15 @@ pub(crate) struct JointRecordSpace {
     pub limit: usize,
 }
 
-/// Scratch for one [`JointDesign`].
+/// Workspace for one [`JointDesign`].
 #[derive(Debug, Clone, Default)]
-pub struct JointSpace {
+pub struct JointWorkspace {
     pub(crate) across: Across,
     /// Whether lines beyond those in use are wanted, too.
     pub(crate) beyond: bool,
     /// Whether W is diagonal, so that outputs without a column need no zeros: rows of single records.
     pub(crate) apart: bool,
-    pub(crate) records: Vec<JointRecordSpace>,
+    pub(crate) records: Vec<JointRecordWorkspace>,
     /// Columns the step weighs by, of the data, whitened; and the whitened residual.
     pub(crate) left: Rows,
     pub(crate) right: Rows,
@@ -92,10 +92,10 @@ pub struct JointSpace {
     pub(crate) qr: Factor,
 }
 
-impl JointSpace {
+impl JointWorkspace {
     /// Room for one design.
     #[must_use]
-    pub fn new(d: &JointDesign) -> JointSpace {
+    pub fn new(d: &JointDesign) -> JointWorkspace {
         let (q, paths, size, p) = (d.outputs(), d.paths(), d.size(), d.parameters());
         let nt = d.transient.len();
         let wide = |n: usize| vec![Wide::ZERO; n];
@@ -104,7 +104,7 @@ impl JointSpace {
         let records = d
             .records
             .iter()
-            .map(|r| JointRecordSpace {
+            .map(|r| JointRecordWorkspace {
                 re: wide((q + 2 * paths) * r.count),
                 im: wide((q + 2 * paths) * r.count),
                 jumps: wide(paths),
@@ -117,7 +117,7 @@ impl JointSpace {
                 limit: r.used,
             })
             .collect();
-        JointSpace {
+        JointWorkspace {
             records,
             left: rows(size + 1),
             right: rows(size + 1),
@@ -139,16 +139,16 @@ impl JointSpace {
             z: pair(p),
             row: pair(p),
             qr: Factor::new(nt, p, d.records.len(), 2 * d.tile * q),
-            ..JointSpace::shared(d, Across::Replicates, false)
+            ..JointWorkspace::shared(d, Across::Replicates, false)
         }
     }
 
     /// What both kinds of workspaces have.
-    fn shared(d: &JointDesign, across: Across, apart: bool) -> JointSpace {
+    fn shared(d: &JointDesign, across: Across, apart: bool) -> JointWorkspace {
         let (q, paths, p) = (d.outputs(), d.paths(), d.parameters());
         let wide = |n: usize| vec![Wide::ZERO; n];
         let pair = |n: usize| [wide(n), wide(n)];
-        JointSpace {
+        JointWorkspace {
             across,
             apart,
             a: pair(q),
@@ -165,17 +165,17 @@ impl JointSpace {
             coefficients: wide(d.structure.coefficients()),
             iterates: Iterates::new(p, d.transient.len(), d.records.len()),
             pinned: wide(p),
-            ..JointSpace::default()
+            ..JointWorkspace::default()
         }
     }
 
     /// Room for one design with eight lines in the lanes, and the blocks of its rows: steps of batches want more.
-    pub(crate) fn single(d: &JointDesign) -> (JointSpace, Vec<Block>) {
+    pub(crate) fn single(d: &JointDesign) -> (JointWorkspace, Vec<Block>) {
         let (q, paths) = (d.outputs(), d.paths());
         let wide = |n: usize| vec![Wide::ZERO; n];
         let record = |r: &RecordDesign| {
             let lines = r.stride() / LANES;
-            JointRecordSpace {
+            JointRecordWorkspace {
                 re: wide((q + 2 * paths) * lines),
                 im: wide((q + 2 * paths) * lines),
                 jumps: wide(paths),
@@ -183,7 +183,7 @@ impl JointSpace {
                 colour: vec![Wide::splat(1.0); lines * q],
                 lines,
                 limit: lines,
-                ..JointRecordSpace::default()
+                ..JointRecordWorkspace::default()
             }
         };
         let apart = !d.holds_sigma() || q == 1;
@@ -199,12 +199,12 @@ impl JointSpace {
         let most = d.records.iter().map(|r| r.used.div_ceil(LANES)).max().unwrap_or(0);
         let groups = most.max(d.size().div_ceil(2 * LANES));
         let (rows, laid) = Rows::stacked(groups, q, &blocks, &reach);
-        let space = JointSpace {
+        let space = JointWorkspace {
             records: d.records.iter().map(record).collect(),
             left: rows.clone(),
             right: rows,
             residual: Rows::single(groups, q),
-            ..JointSpace::shared(d, Across::Lines, apart)
+            ..JointWorkspace::shared(d, Across::Lines, apart)
         };
         (space, laid)
     }

@@ -6,7 +6,7 @@ use super::shape::{POWERS, SUMS, Shape};
 use super::solve::entry;
 use super::steps::read;
 use super::sums::{Lines, Signals, accumulate, prepare, products};
-use super::tables::{Space, Tables};
+use super::tables::{StraightWorkspace, Tables};
 use super::weights::weigh;
 use crate::estimate::spectral::Spectral;
 use crate::estimate::uncertainty::{
@@ -144,11 +144,11 @@ impl<const N: usize, const I: usize, const Z: usize, const S: usize> Kernel
 /// All sums of the data.
 #[inline(always)]
 fn sums<L: Lanes, const N: usize, const I: usize, const Z: usize>(
-    space: &mut Space,
+    space: &mut StraightWorkspace,
     weights: &[Wide],
 ) {
     let table = const { &Shape::<N, I, Z>::TABLE };
-    let Space { own, shared, sums, .. } = space;
+    let StraightWorkspace { own, shared, sums, .. } = space;
     let (mine, others) = sums.split_at_mut(table.own);
     accumulate::<L>(own, table.own, 0, weights, mine);
     accumulate::<L>(shared, table.shared, 0, weights, &mut others[..table.shared]);
@@ -158,7 +158,7 @@ fn sums<L: Lanes, const N: usize, const I: usize, const Z: usize>(
 #[inline(always)]
 fn denoise<L: Lanes, const N: usize, const I: usize, const Z: usize>(
     tables: &Tables,
-    space: &mut Space,
+    space: &mut StraightWorkspace,
     signals: &Signals<'_>,
     lines: &Lines<'_>,
 ) {

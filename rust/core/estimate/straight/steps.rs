@@ -5,7 +5,7 @@
 use super::shape::{SUMS, Shape};
 use super::solve::solve;
 use super::sums::{Lines, Signals, accumulate, beside, prepare};
-use super::tables::{Space, Tables};
+use super::tables::{StraightWorkspace, Tables};
 use super::weights::weigh;
 use crate::estimate::iterates::half_way;
 use crate::estimate::rule::{ASK, Rule, Run};
@@ -145,7 +145,7 @@ fn step<
     const ML: bool,
 >(
     tables: &Tables,
-    space: &mut Space,
+    space: &mut StraightWorkspace,
     signals: &Signals<'_>,
     on: &mut Lines<'_>,
     now: &[L; S],
@@ -160,7 +160,7 @@ fn step<
     } else {
         cost = weigh::<L, N, I, Z, S, false, ML>(tables, signals, on, now);
     }
-    let Space { own, shared, sums, .. } = space;
+    let StraightWorkspace { own, shared, sums, .. } = space;
     let sums = &mut sums[..SUMS];
     // Of the output with itself `ml` needs the size of the target alone.
     let first = if ML { table.target } else { 0 };

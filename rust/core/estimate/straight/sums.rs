@@ -1,7 +1,7 @@
 //! Products of the signals on the lines, and their weighted sums.
 
 use super::shape::{INPUTS, ONE, OUTPUT, POWERS, Shape};
-use super::tables::{Space, Tables};
+use super::tables::{StraightWorkspace, Tables};
 use crate::simd::{Lanes, Wide};
 
 /// Sums that registers hold at once.
@@ -46,7 +46,7 @@ pub(super) struct Lines<'a> {
 #[inline(always)]
 pub(super) fn prepare<L: Lanes, const N: usize, const I: usize, const Z: usize>(
     tables: &Tables,
-    space: &mut Space,
+    space: &mut StraightWorkspace,
     signals: &Signals<'_>,
 ) {
     let (own, shared) = const { (Shape::<N, I, Z>::TABLE.own, Shape::<N, I, Z>::TABLE.shared) };

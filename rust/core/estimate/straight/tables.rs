@@ -21,7 +21,7 @@ pub(crate) struct Tables {
 
 /// Products and sums of a problem.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct Space {
+pub(crate) struct StraightWorkspace {
     /// Products on the lines, line after line: those with the output, those without.
     pub own: Vec<Wide>,
     pub shared: Vec<Wide>,
@@ -93,10 +93,10 @@ impl Tables {
     }
 }
 
-impl Space {
+impl StraightWorkspace {
     /// Room for a problem.
-    pub fn new(tables: Option<&Tables>) -> Space {
-        let Some(Tables { sizes, x, .. }) = tables else { return Space::default() };
+    pub fn new(tables: Option<&Tables>) -> StraightWorkspace {
+        let Some(Tables { sizes, x, .. }) = tables else { return StraightWorkspace::default() };
         macro_rules! counts {
             ($n:literal, $i:literal, $z:literal, $s:literal) => {{
                 let table = &Shape::<$n, $i, $z>::TABLE;
@@ -104,7 +104,7 @@ impl Space {
             }};
         }
         let (own, shared) = shapes!(*sizes, counts, (0, 0));
-        Space {
+        StraightWorkspace {
             own: vec![Wide::ZERO; own * x.len()],
             shared: vec![Wide::ZERO; shared * x.len()],
             sums: vec![Wide::ZERO; SUMS],

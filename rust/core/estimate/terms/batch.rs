@@ -3,7 +3,7 @@
 use super::eight::{Eights, FEWEST};
 use super::fitter::TermsFit;
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::Worker;
+use super::rows::TermsWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::Many;
 use crate::estimate::band::Choice;
@@ -45,7 +45,9 @@ impl TermsFitter {
         // Where one record's parameters are a good start for all; a linear start needs none.
         let start = match self.o.equations.linear {
             true => None,
-            false => Some(self.finish(one, sigmas, &chosen, Worker::default())?.0.answer.theta),
+            false => {
+                Some(self.finish(one, sigmas, &chosen, TermsWorkspace::default())?.0.answer.theta)
+            }
         };
         let shared = Choice { ranges: chosen.ranges, rule: None, theta: start };
         let together = self.goes_in_eights(&shared);

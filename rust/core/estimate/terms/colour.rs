@@ -7,7 +7,7 @@
 use super::descent::{Ended, usable};
 use super::iterate::TermsProblem;
 use super::plan::TermsFitter;
-use super::rows::Worker;
+use super::rows::TermsWorkspace;
 use crate::error::{Error, Status};
 use crate::estimate::autoregression::{Autocovariance, FREE_ROUNDS, ROUNDS, SETTLED, share};
 use crate::estimate::band::Range;
@@ -32,7 +32,7 @@ impl TermsFitter {
         let wide: Vec<Range> =
             each.map(|(own, plan)| (own.0, own.1.max((WIDER * own.1).min(plan.highest)))).collect();
         let sigmas = problem.sigmas.clone();
-        let mut beyond = self.problem(problem.records, sigmas, &wide, Worker::default())?;
+        let mut beyond = self.problem(problem.records, sigmas, &wide, TermsWorkspace::default())?;
         let (mut ended, mut orders) = (first, Vec::new());
         for round in 0..ROUNDS {
             if !usable(&ended) {

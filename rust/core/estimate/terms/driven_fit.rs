@@ -4,7 +4,7 @@ use super::descent::{Ended, usable};
 use super::driven::DrivenTerms;
 use super::fitter::TermsFit;
 use super::plan::{TermsFitter, TermsRecord, WIDEST};
-use super::rows::Worker;
+use super::rows::TermsWorkspace;
 use super::sigma::Sigma;
 use crate::error::{Error, Status};
 use crate::estimate::answer::Answer;
@@ -19,21 +19,22 @@ impl TermsFitter {
         records: &[TermsRecord<'_>],
         sigmas: Vec<Sigma>,
         chosen: &Choice,
-        worker: Worker,
+        worker: TermsWorkspace,
         noise: Noise,
-    ) -> Result<(TermsFit, Worker), Error> {
+    ) -> Result<(TermsFit, TermsWorkspace), Error> {
         let narrow: Vec<Range> = self
             .narrow
             .iter()
             .zip(&chosen.ranges)
             .map(|(few, own)| (own.0, few.1.min(own.1)))
             .collect();
-        let few = self.problem(records, sigmas.clone(), &narrow, Worker::default());
+        let few = self.problem(records, sigmas.clone(), &narrow, TermsWorkspace::default());
         let few = few.and_then(|mut few| self.estimate(&mut few, None)).ok();
         // Without such noise lines depend on one another, and a start needs no more than these.
         let capped: Vec<Range> =
             chosen.ranges.iter().map(|own| (own.0, own.1.min(own.0 + WIDEST))).collect();
-        let mut without = self.problem(records, sigmas.clone(), &capped, Worker::default())?;
+        let mut without =
+            self.problem(records, sigmas.clone(), &capped, TermsWorkspace::default())?;
         let wide = self.estimate(&mut without, chosen.theta.as_deref())?;
         let mut problem = self.problem(records, sigmas, &chosen.ranges, worker)?;
         let starts: Vec<Ended> = [Some(wide), few].into_iter().flatten().filter(usable).collect();

@@ -5,9 +5,9 @@
 use super::descent::{Descent, Ended, Need, lower, usable};
 use super::fitter::TermsFit;
 use super::iterate::TermsProblem;
-use super::lines::{EightDesk, TermsRecordPlan};
+use super::lines::{EightWorkspace, TermsRecordPlan};
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::{Eight, Worker};
+use super::rows::{Eight, TermsWorkspace};
 use super::sigma::Sigma;
 use crate::error::Error;
 use crate::estimate::band::{Choice, Range};
@@ -25,7 +25,7 @@ const MOST_NUMBERS: usize = 1 << 16;
 /// What one worker keeps from eight records to the next.
 #[derive(Default)]
 pub(super) struct Eights {
-    desk: EightDesk,
+    space: EightWorkspace,
     rows: Rows,
     /// Of few lines, where an estimate may begin.
     few: Rows,
@@ -34,13 +34,13 @@ pub(super) struct Eights {
 /// Rows of each record, and of all.
 #[derive(Default)]
 struct Rows {
-    workers: [Worker; LANES],
+    workers: [TermsWorkspace; LANES],
     eight: Eight,
 }
 
 impl Eights {
     /// Memory for one record.
-    pub fn one(&mut self) -> &mut Worker {
+    pub fn one(&mut self) -> &mut TermsWorkspace {
         &mut self.rows.workers[0]
     }
 }
@@ -49,9 +49,9 @@ impl Eights {
 struct Block<'a> {
     fitter: &'a TermsFitter,
     problems: Vec<TermsProblem<'a>>,
-    desk: &'a mut EightDesk,
+    space: &'a mut EightWorkspace,
     eight: &'a mut Eight,
-    workers: &'a mut [Worker; LANES],
+    workers: &'a mut [TermsWorkspace; LANES],
     factors: LeftColumns,
 }
 
@@ -78,12 +78,12 @@ impl TermsFitter {
         chosen: &Choice,
         memory: &mut Eights,
     ) -> Result<Vec<TermsFit>, Error> {
-        let Eights { desk, rows, few } = memory;
+        let Eights { space, rows, few } = memory;
         let guesses = match chosen.theta.is_none() && self.looks_on_few(&chosen.ranges) {
-            true => self.guesses(records, sigmas, desk, few)?,
+            true => self.guesses(records, sigmas, space, few)?,
             false => vec![None; records.len()],
         };
-        let mut block = Block::new(self, (records, sigmas), &chosen.ranges, desk, rows)?;
+        let mut block = Block::new(self, (records, sigmas), &chosen.ranges, space, rows)?;
         let fits = block.fits(chosen, guesses);
         block.end();
         fits
@@ -94,10 +94,10 @@ impl TermsFitter {
         &self,
         records: &[TermsRecord<'_>],
         sigmas: &[Vec<Sigma>],
-        desk: &mut EightDesk,
+        space: &mut EightWorkspace,
         rows: &mut Rows,
     ) -> Result<Vec<Option<Vec<f64>>>, Error> {
-        let Ok(mut block) = Block::new(self, (records, sigmas), &self.narrow, desk, rows) else {
+        let Ok(mut block) = Block::new(self, (records, sigmas), &self.narrow, space, rows) else {
             return Ok(vec![None; records.len()]); // too few lines for the unknowns
         };
         let ended = block.first(None)?;
@@ -111,14 +111,14 @@ impl<'a> Block<'a> {
         fitter: &'a TermsFitter,
         (records, sigmas): (&'a [TermsRecord<'a>], &[Vec<Sigma>]),
         ranges: &[Range],
-        desk: &'a mut EightDesk,
+        space: &'a mut EightWorkspace,
         Rows { workers, eight }: &'a mut Rows,
     ) -> Result<Block<'a>, Error> {
         let mut problems = Vec::with_capacity(records.len());
         for ((record, own), worker) in records.chunks(1).zip(sigmas).zip(&mut *workers) {
             problems.push(fitter.problem(record, own.clone(), ranges, std::mem::take(worker))?);
         }
-        Ok(Block { fitter, problems, desk, eight, workers, factors: fitter.weights().1 })
+        Ok(Block { fitter, problems, space, eight, workers, factors: fitter.weights().1 })
     }
 
     /// Gives the memory of the rows back.
@@ -180,10 +180,10 @@ impl<'a> Block<'a> {
         let (f, problems) = (self.fitter, &mut self.problems);
         let records: Vec<&TermsRecord<'_>> = problems.iter().map(|p| &p.records[0]).collect();
         let sigmas: Vec<&Sigma> = problems.iter().map(|p| &p.sigmas[0]).collect();
-        self.desk.take(&records, &sigmas);
+        self.space.take(&records, &sigmas);
         let lines = (problems[0].spots[0].lines.first, problems[0].spots[0].lines.count());
         let (e, spectra) = (&f.o.equations, &mut self.eight.spectra);
-        f.records[0].load_eight(f.isa, e, &f.pairs, lines, self.desk, spectra)?;
+        f.records[0].load_eight(f.isa, e, &f.pairs, lines, self.space, spectra)?;
         for (lane, problem) in problems.iter_mut().enumerate() {
             problem.take_signals(self.eight, lane);
         }
@@ -197,12 +197,12 @@ impl<'a> Block<'a> {
         let (f, lines) = (self.fitter, self.problems[0].spots[0].lines);
         let (e, eight) = (&f.o.equations, &mut *self.eight);
         let range = (lines.first, lines.count());
-        f.records[0].denoise_eight(f.isa, e, &f.pairs, &eight.sources, range, self.desk);
+        f.records[0].denoise_eight(f.isa, e, &f.pairs, &eight.sources, range, self.space);
         let before = match first.iter().all(usable) {
             true => Vec::new(),
             false => eight.spectra.pairs.clone(),
         };
-        f.records[0].load_slopes_of_eight(f.isa, e, &f.pairs, self.desk, &mut eight.spectra)?;
+        f.records[0].load_slopes_of_eight(f.isa, e, &f.pairs, self.space, &mut eight.spectra)?;
         let mut starts = Vec::with_capacity(first.len());
         for (lane, (problem, ended)) in self.problems.iter_mut().zip(first).enumerate() {
             if usable(ended) {

@@ -4,7 +4,7 @@ use super::descent::{Ended, usable};
 use super::iterate::TermsProblem;
 use super::lines::TermsRecordPlan;
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::{Spot, Worker};
+use super::rows::{Spot, TermsWorkspace};
 use super::sigma::Sigma;
 use super::uncertainty::Worth;
 use crate::error::{Error, Status};
@@ -59,7 +59,7 @@ impl TermsFitter {
         let sigmas = self.first_sigmas(records, &seen)?;
         let chosen = self.choose(records, &sigmas)?;
         let mut lent = self.workers.lend();
-        let worker = lent.get_or(Worker::default);
+        let worker = lent.get_or(TermsWorkspace::default);
         let (mut fit, back) = self.finish(records, sigmas, &chosen, std::mem::take(worker))?;
         *worker = back;
         if fit.driven.is_none() {
@@ -74,8 +74,8 @@ impl TermsFitter {
         records: &[TermsRecord<'_>],
         sigmas: Vec<Sigma>,
         chosen: &Choice,
-        worker: Worker,
-    ) -> Result<(TermsFit, Worker), Error> {
+        worker: TermsWorkspace,
+    ) -> Result<(TermsFit, TermsWorkspace), Error> {
         if let Some(noise) = self.driven() {
             return self.finish_driven(records, sigmas, chosen, worker, noise);
         }
@@ -161,13 +161,13 @@ impl TermsFitter {
         records: &'a [TermsRecord<'a>],
         sigmas: Vec<Sigma>,
         ranges: &[Range],
-        worker: Worker,
+        worker: TermsWorkspace,
     ) -> Result<TermsProblem<'a>, Error> {
         let e = &self.o.equations;
         let (mut rows, mut unknowns) = (0, e.parameters);
         let equations = e.orders.len();
         let unit = vec![1.0; equations];
-        let Worker { desk, spots } = worker;
+        let TermsWorkspace { space, spots } = worker;
         // Those of several equations are in units of the last record.
         let mut old = spots.into_iter().filter(|_| equations == 1);
         let mut spots = Vec::new();
@@ -191,7 +191,7 @@ impl TermsFitter {
                     .fold(0.0, |m: f64, (r, p)| { m.max(r.1 as f64 * p.window.omega0) })
             )));
         }
-        let mut problem = TermsProblem::new(self, records, sigmas, spots, desk);
+        let mut problem = TermsProblem::new(self, records, sigmas, spots, space);
         if equations > 1 {
             // Flat weights compare equations by what they hold without parameters.
             problem.cost(&vec![0.0; e.parameters], RowWeights::Flat)?;
@@ -219,7 +219,8 @@ impl TermsFitter {
         if !self.looks_on_few(ranges) {
             return Ok(None);
         }
-        let Ok(mut few) = self.problem(records, sigmas.to_vec(), &self.narrow, Worker::default())
+        let Ok(mut few) =
+            self.problem(records, sigmas.to_vec(), &self.narrow, TermsWorkspace::default())
         else {
             return Ok(None); // too few lines for the unknowns
         };
@@ -291,7 +292,7 @@ impl TermsFitter {
         }
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         let wide = self.widest(records, sigmas)?;
-        let mut all = self.problem(records, sigmas.to_vec(), &wide, Worker::default())?;
+        let mut all = self.problem(records, sigmas.to_vec(), &wide, TermsWorkspace::default())?;
         let first = self.estimate(&mut all, None)?;
         let mut rule = BandRule {
             wide: last(&wide),
@@ -302,7 +303,7 @@ impl TermsFitter {
         let mut best = Some(first).filter(usable);
         if self.narrow != wide
             && let Ok(mut few) =
-                self.problem(records, sigmas.to_vec(), &self.narrow, Worker::default())
+                self.problem(records, sigmas.to_vec(), &self.narrow, TermsWorkspace::default())
         {
             let start = self.estimate(&mut few, None)?;
             if usable(&start) {

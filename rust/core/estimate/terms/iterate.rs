@@ -12,9 +12,9 @@
 use super::complex::Split;
 use super::descent::{Descent, Ended, Need, Step};
 use super::equations::Equations;
-use super::lines::{Desk, Place};
+use super::lines::{LinesWorkspace, Place};
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::{Eight, Shared, Spot, Worker};
+use super::rows::{Eight, Shared, Spot, TermsWorkspace};
 use super::sigma::Sigma;
 use crate::error::Error;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
@@ -36,7 +36,7 @@ pub(crate) struct TermsProblem<'a> {
     values: Vec<f64>,
     lags: Vec<f64>,
     registers: Vec<f64>,
-    desk: Desk,
+    space: LinesWorkspace,
     /// Columns of θ and the residual over all records, transients taken out.
     pub columns: Vec<Vec<f64>>,
     pub residual: Vec<f64>,
@@ -66,7 +66,7 @@ impl<'a> TermsProblem<'a> {
         records: &'a [TermsRecord<'a>],
         sigmas: Vec<Sigma>,
         spots: Vec<Spot>,
-        desk: Desk,
+        space: LinesWorkspace,
     ) -> TermsProblem<'a> {
         let e = &fitter.o.equations;
         TermsProblem {
@@ -76,7 +76,7 @@ impl<'a> TermsProblem<'a> {
             values: vec![0.0; e.coefficients.results()],
             lags: vec![0.0; e.signals.len()],
             registers: Vec::new(),
-            desk,
+            space,
             columns: vec![Vec::new(); e.parameters],
             residual: Vec::new(),
             stands: None,
@@ -133,8 +133,8 @@ impl<'a> TermsProblem<'a> {
     }
 
     /// Gives the worker's memory back.
-    pub fn into_worker(self) -> Worker {
-        Worker { desk: self.desk, spots: self.spots }
+    pub fn into_worker(self) -> TermsWorkspace {
+        TermsWorkspace { space: self.space, spots: self.spots }
     }
 
     /// Coefficients and, where they depend on it, signals at θ.
@@ -156,10 +156,10 @@ impl<'a> TermsProblem<'a> {
                 theta,
                 clean: self.clean.get(k).map_or(&[], Vec::as_slice),
             };
-            let (isa, pairs, desk) = (self.fitter.isa, &self.fitter.pairs, &mut self.desk);
+            let (isa, pairs, space) = (self.fitter.isa, &self.fitter.pairs, &mut self.space);
             match self.loaded == Loaded::Signals && !moves {
-                true => plan.load_slopes(isa, e, pairs, &at, desk, &mut spot.spectra)?,
-                false => plan.load(isa, e, pairs, &at, desk, &mut spot.spectra)?,
+                true => plan.load_slopes(isa, e, pairs, &at, space, &mut spot.spectra)?,
+                false => plan.load(isa, e, pairs, &at, space, &mut spot.spectra)?,
             }
         }
         self.loaded = Loaded::All;
@@ -180,8 +180,8 @@ impl<'a> TermsProblem<'a> {
             spot.find_sources(isa, pairs);
             let at = Place { channels: &record.channels, sigma, theta, clean: &[] };
             let lines = (spot.lines.count(), spot.lines.first);
-            let (sources, desk) = (&spot.sources, &mut self.desk);
-            clean.push(plan.denoised(isa, e, pairs, &at, sources, lines, fresh, desk));
+            let (sources, space) = (&spot.sources, &mut self.space);
+            clean.push(plan.denoised(isa, e, pairs, &at, sources, lines, fresh, space));
         }
         self.clean = clean;
         self.loaded = Loaded::Signals;
@@ -253,7 +253,7 @@ impl<'a> TermsProblem<'a> {
             clean: self.clean.get(record).map_or(&[], Vec::as_slice),
         };
         let (plan, spot) = (&self.fitter.records[record], &mut self.spots[record]);
-        plan.load(isa, e, pairs, &at, &mut self.desk, &mut spot.spectra)?;
+        plan.load(isa, e, pairs, &at, &mut self.space, &mut spot.spectra)?;
         let g = &self.values[..e.terms.len()];
         Ok(spot.evaluate(isa, e, pairs, g, &self.lags, RowWeights::Adapted))
     }
@@ -264,7 +264,7 @@ impl<'a> TermsProblem<'a> {
         let own = self.fitter.records.iter().zip(self.records).zip(&self.sigmas);
         let bend = own.map(|((plan, record), sigma)| {
             let at = Place { channels: &record.channels, sigma, theta, clean: &[] };
-            plan.bend(e, &at, &mut self.desk)
+            plan.bend(e, &at, &mut self.space)
         });
         bend.fold(0.0, f64::max)
     }

@@ -9,7 +9,7 @@
 use super::descent::{Ended, usable};
 use super::iterate::TermsProblem;
 use super::plan::{TermsFitter, TermsRecord};
-use super::rows::Worker;
+use super::rows::TermsWorkspace;
 use super::sigma::{Sigma, root};
 use crate::error::{Error, Status};
 use crate::estimate::normal_equations::RowWeights;
@@ -64,7 +64,7 @@ impl TermsFitter {
         if !self.learns() || !self.band_is_sought() {
             return Ok(seen.to_vec());
         }
-        let few = self.problem(records, seen.to_vec(), &self.narrow, Worker::default());
+        let few = self.problem(records, seen.to_vec(), &self.narrow, TermsWorkspace::default());
         let Ok(mut problem) = few else { return Ok(seen.to_vec()) }; // too few lines for the unknowns
         let ended = self.estimate(&mut problem, None)?;
         self.learn(&mut problem, ended)?;

@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 
 use super::complex::{Split, Windows};
 use super::equations::{Equations, Lag};
-use super::noise::{NoisePlan, Room};
+use super::noise::{NoisePlan, NoiseWorkspace};
 use super::sigma::Sigma;
 use crate::error::Error;
 use crate::estimate::fit::Time;
@@ -19,7 +19,7 @@ use crate::quadrature::Rule;
 use crate::simd::{Isa, LANES};
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::tape::Input;
-pub(crate) use eight::{Both, EightDesk, EightSpectra};
+pub(crate) use eight::{Both, EightSpectra, EightWorkspace};
 
 /// Lines to either side over which power is averaged, and how many times the noise it must be to be signal.
 const SPREAD: usize = 4;
@@ -96,7 +96,7 @@ pub(crate) struct Place<'a> {
 
 /// Memory of one worker for [`TermsRecordPlan::load`].
 #[derive(Default)]
-pub(crate) struct Desk {
+pub(crate) struct LinesWorkspace {
     registers: Vec<f64>,
     results: Vec<Vec<f64>>,
     product: Vec<f64>,
@@ -105,7 +105,7 @@ pub(crate) struct Desk {
     re: Vec<f64>,
     im: Vec<f64>,
     scratch: Scratch,
-    room: Room,
+    room: NoiseWorkspace,
 }
 
 impl Pairs {
@@ -212,13 +212,13 @@ impl TermsRecordPlan {
         e: &Equations,
         pairs: &Pairs,
         at: &Place<'_>,
-        desk: &mut Desk,
+        space: &mut LinesWorkspace,
         out: &mut Spectra,
     ) -> Result<(), Error> {
-        self.formulas(e, at, &[], desk);
+        self.formulas(e, at, &[], space);
         let count = self.highest + 1;
-        desk.re.resize(count, 0.0);
-        desk.im.resize(count, 0.0);
+        space.re.resize(count, 0.0);
+        space.im.resize(count, 0.0);
         out.signals.resize_with(e.signals.len(), Split::default);
         for (s, signal) in e.signals.iter().enumerate() {
             let late;
@@ -232,18 +232,18 @@ impl TermsRecordPlan {
                     &late
                 }
             };
-            plan.run_in(isa, &desk.results[s], &mut desk.re, &mut desk.im, &mut desk.scratch)?;
+            plan.run_in(isa, &space.results[s], &mut space.re, &mut space.im, &mut space.scratch)?;
             // A constant is on line 0 alone: what rounding leaves elsewhere must not pass for a column.
-            let least = ROUNDING * largest(&desk.results[s]);
-            for x in desk.re.iter_mut().chain(&mut desk.im) {
+            let least = ROUNDING * largest(&space.results[s]);
+            for x in space.re.iter_mut().chain(&mut space.im) {
                 *x = if x.abs() < least { 0.0 } else { *x };
             }
-            out.signals[s].copy(&desk.re, &desk.im);
+            out.signals[s].copy(&space.re, &space.im);
         }
         if at.clean.is_empty() {
-            return self.correlate(isa, e, pairs, at, desk, out);
+            return self.correlate(isa, e, pairs, at, space, out);
         }
-        self.load_slopes(isa, e, pairs, at, desk, out)
+        self.load_slopes(isa, e, pairs, at, space, out)
     }
 
     /// The pairs of sensitivities alone, taken at channels that noise has been taken from.
@@ -253,21 +253,21 @@ impl TermsRecordPlan {
         e: &Equations,
         pairs: &Pairs,
         at: &Place<'_>,
-        desk: &mut Desk,
+        space: &mut LinesWorkspace,
         out: &mut Spectra,
     ) -> Result<(), Error> {
-        self.formulas(e, at, at.clean, desk);
-        self.correlate(isa, e, pairs, at, desk, out)
+        self.formulas(e, at, at.clean, space);
+        self.correlate(isa, e, pairs, at, space, out)
     }
 
-    /// R of all pairs, of the sensitivities that stand in the desk.
+    /// R of all pairs, of the sensitivities that stand in the workspace.
     fn correlate(
         &self,
         isa: Isa,
         e: &Equations,
         pairs: &Pairs,
         at: &Place<'_>,
-        desk: &mut Desk,
+        space: &mut LinesWorkspace,
         out: &mut Spectra,
     ) -> Result<(), Error> {
         out.middle = self.noise.middle();
@@ -284,22 +284,28 @@ impl TermsRecordPlan {
                 continue;
             }
             let constant = self.constant_product(e, list, at.sigma);
-            let lags = &mut desk.lags;
+            let lags = &mut space.lags;
             *white = constant.is_some_and(|product| self.noise.correlate_constant(product, lags));
             if !*white {
-                self.product(e, list, at.sigma, desk);
-                let Desk { product, room, lags, .. } = desk;
+                self.product(e, list, at.sigma, space);
+                let LinesWorkspace { product, room, lags, .. } = space;
                 self.noise.correlate(isa, product, room, lags)?;
             }
-            desk.lags.windows(out);
+            space.lags.windows(out);
         }
         Ok(())
     }
 
     /// Signals and sensitivities, sample by sample; where noisy channels are given without noise, the sensitivities there.
-    fn formulas(&self, e: &Equations, at: &Place<'_>, clean: &[Vec<f64>], desk: &mut Desk) {
-        desk.results.resize_with(e.samples.results(), Vec::new);
-        for r in &mut desk.results {
+    fn formulas(
+        &self,
+        e: &Equations,
+        at: &Place<'_>,
+        clean: &[Vec<f64>],
+        space: &mut LinesWorkspace,
+    ) {
+        space.results.resize_with(e.samples.results(), Vec::new);
+        for r in &mut space.results {
             r.resize(self.samples, 0.0);
         }
         let mut own: Vec<&[f64]> = at.channels.to_vec();
@@ -310,12 +316,12 @@ impl TermsRecordPlan {
         let inputs: Vec<Input<'_>> = own.iter().map(|c| Input::Series(c)).chain(values).collect();
         // The signals themselves are those of the samples as they are.
         let first = if clean.is_empty() { 0 } else { e.signals.len() };
-        let mut out: Vec<&mut [f64]> = desk.results.iter_mut().map(Vec::as_mut_slice).collect();
-        e.samples.run(first, &inputs, self.samples, &mut desk.registers, &mut out);
+        let mut out: Vec<&mut [f64]> = space.results.iter_mut().map(Vec::as_mut_slice).collect();
+        e.samples.run(first, &inputs, self.samples, &mut space.registers, &mut out);
     }
 
     /// Noisy channels without the noise that explains the residuals best, v̂ = ΣLᵀλ; `sources` holds Σ over
-    /// equations of conj(L)λ of each noisy signal on `count` lines from `first` on. `fresh`: the desk holds the
+    /// equations of conj(L)λ of each noisy signal on `count` lines from `first` on. `fresh`: the workspace holds the
     /// formulas of this record.
     #[allow(clippy::too_many_arguments)]
     pub fn denoised(
@@ -327,24 +333,24 @@ impl TermsRecordPlan {
         sources: &[Split],
         (count, first): (usize, usize),
         fresh: bool,
-        desk: &mut Desk,
+        space: &mut LinesWorkspace,
     ) -> Vec<Vec<f64>> {
         if !fresh {
-            self.formulas(e, at, &[], desk);
+            self.formulas(e, at, &[], space);
         }
         let lead = self.window.lead;
         let mut clean: Vec<Vec<f64>> = e.noisy.iter().map(|c| at.channels[*c].to_vec()).collect();
         for (s, own) in pairs.noisy.iter().zip(sources) {
-            self.noise.wave(isa, own, count, first, &mut desk.wave);
+            self.noise.wave(isa, own, count, first, &mut space.wave);
             let each = e.sensitivities.iter().enumerate().filter(|(_, (signal, _))| signal == s);
             for (k, (_, d)) in each {
-                let slope = &desk.results[e.signals.len() + k][lead..];
+                let slope = &space.results[e.signals.len() + k][lead..];
                 for (c, clean) in clean.iter_mut().enumerate() {
                     let both = at.sigma.get(c, *d);
                     if both == 0.0 {
                         continue;
                     }
-                    let own = clean[lead..].iter_mut().zip(desk.wave.iter().zip(slope));
+                    let own = clean[lead..].iter_mut().zip(space.wave.iter().zip(slope));
                     match self.uneven_product(c, *d) {
                         None => own.for_each(|(to, (w, d))| *to -= both * d * w),
                         Some(uneven) => {
@@ -400,19 +406,26 @@ impl TermsRecordPlan {
     }
 
     /// Σ of both sensitivities times the covariance of the sample, on the window.
-    fn product(&self, e: &Equations, list: &[(usize, usize)], sigma: &Sigma, desk: &mut Desk) {
+    fn product(
+        &self,
+        e: &Equations,
+        list: &[(usize, usize)],
+        sigma: &Sigma,
+        space: &mut LinesWorkspace,
+    ) {
         let (first, n) = (self.window.lead, self.window.intervals);
         let signals = e.signals.len();
-        desk.product.resize(n + 1, 0.0);
-        desk.product.fill(0.0);
+        space.product.resize(n + 1, 0.0);
+        space.product.fill(0.0);
         for (a, b) in list {
             let (c, d) = (e.sensitivities[*a].1, e.sensitivities[*b].1);
             let both = sigma.get(c, d);
             if both == 0.0 {
                 continue;
             }
-            let (a, b) = (&desk.results[signals + a][first..], &desk.results[signals + b][first..]);
-            let each = desk.product.iter_mut().zip(a).zip(b);
+            let (a, b) =
+                (&space.results[signals + a][first..], &space.results[signals + b][first..]);
+            let each = space.product.iter_mut().zip(a).zip(b);
             match self.uneven_product(c, d) {
                 None => each.for_each(|((to, a), b)| *to += both * a * b),
                 Some(own) => each.zip(own).for_each(|(((to, a), b), v)| *to += both * v * a * b),

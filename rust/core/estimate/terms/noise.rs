@@ -25,7 +25,7 @@ enum Sums {
 
 /// Memory for [`NoisePlan::correlate`].
 #[derive(Debug, Default)]
-pub(super) struct Room {
+pub(super) struct NoiseWorkspace {
     re: Vec<f64>,
     im: Vec<f64>,
     scratch: Scratch,
@@ -79,7 +79,7 @@ impl NoisePlan {
         &self,
         isa: Isa,
         product: &mut [f64],
-        room: &mut Room,
+        room: &mut NoiseWorkspace,
         out: &mut Split,
     ) -> Result<(), Error> {
         let middle = self.highest;
@@ -349,7 +349,7 @@ mod tests {
         let times: Vec<f64> = (0..=12).map(|k| f64::from(k * k)).collect();
         let product: Vec<f64> = (0..=12).map(|k| 1.0 + 0.3 * f64::from(k)).collect();
         let plan = NoisePlan::new(Time::Uneven(&times), 12, Rule::Trapezoid, 4).unwrap();
-        let (mut out, mut room) = (Split::zeros(0), Room::default());
+        let (mut out, mut room) = (Split::zeros(0), NoiseWorkspace::default());
         plan.correlate(Isa::Plain, &mut product.clone(), &mut room, &mut out).unwrap();
         let weights = Rule::Trapezoid.uneven_weights(&times).unwrap();
         for (k, (re, im)) in out.re.iter().zip(&out.im).take(13).enumerate() {

@@ -2,7 +2,7 @@
 
 use super::equations::Equations;
 use super::lines::{Pairs, TermsRecordPlan};
-use super::rows::Worker;
+use super::rows::TermsWorkspace;
 
 use crate::error::Error;
 use crate::estimate::band::{Band, Range, default_lines, lines_of_both_noises};
@@ -69,7 +69,7 @@ pub struct TermsFitter {
     pub(crate) records: Vec<TermsRecordPlan>,
     pub(crate) given: Vec<Range>,
     pub(crate) narrow: Vec<Range>,
-    pub(crate) workers: Spare<Worker>,
+    pub(crate) workers: Spare<TermsWorkspace>,
 }
 
 impl TermsFitter {

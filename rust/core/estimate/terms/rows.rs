@@ -11,7 +11,7 @@ mod eight;
 
 use super::complex::{C, Power, Split, late};
 use super::equations::Equations;
-use super::lines::{Desk, Pairs, Spectra};
+use super::lines::{LinesWorkspace, Pairs, Spectra};
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::linalg::columns::Columns;
 use crate::linalg::dense::{Panel, floor, whiten, whiten_more};
@@ -30,8 +30,8 @@ pub(crate) const DEPENDENT: f64 = 1e-10;
 
 /// What one worker keeps from one problem to the next.
 #[derive(Default)]
-pub(crate) struct Worker {
-    pub desk: Desk,
+pub(crate) struct TermsWorkspace {
+    pub space: LinesWorkspace,
     /// Rows of the last problem, for one on the same lines.
     pub spots: Vec<Spot>,
 }

@@ -1,11 +1,11 @@
 //! What noise does to the responses of a neighbourhood: gains for it, and covariances.
 
-use super::{Columns, Work, explained};
+use super::{Columns, Workspace, explained};
 use crate::response::factor::{Complex, Pair};
 use crate::response::{Family, Settings, Weighting};
 use crate::simd::{Lanes, Wide};
 
-impl Work {
+impl Workspace {
     /// Keeps of an output what its covariance with others is made of.
     #[inline(always)]
     pub(super) fn keep<L: Lanes>(&mut self, settings: Settings, columns: Columns, output: usize) {

@@ -3,7 +3,7 @@
 use super::super::design::JointDesign;
 use super::super::rows::rows;
 use super::super::whitener::Uneven;
-use super::super::workspace::JointSpace;
+use super::super::workspace::JointWorkspace;
 use super::Single;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::simd::{Kernel, LANES, Lanes};
@@ -28,7 +28,7 @@ impl Single<'_> {
             self.whiten(k, data);
         }
         if data {
-            let JointSpace { left, right, .. } = &mut self.w;
+            let JointWorkspace { left, right, .. } = &mut self.w;
             left.all.copy_from_slice(&right.all);
         }
     }
@@ -79,7 +79,7 @@ impl Single<'_> {
 /// Writes the rows of a record.
 struct WriteRows<'a> {
     design: &'a JointDesign,
-    space: &'a mut JointSpace,
+    space: &'a mut JointWorkspace,
     record: usize,
     groups: usize,
     weights: RowWeights,

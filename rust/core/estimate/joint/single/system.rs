@@ -12,7 +12,7 @@
 
 use super::super::design::JointDesign;
 use super::super::tile::Block;
-use super::super::workspace::JointSpace;
+use super::super::workspace::JointWorkspace;
 use crate::linalg::large::{Lu, Qr, transposed_product};
 use crate::linalg::qr::dot;
 use crate::simd::{LANES, numbers, numbers_mut};
@@ -65,7 +65,7 @@ impl System {
     }
 
     /// Factors the rows of record `k` that stand in the workspace; `coupled`: Σ may have more than its diagonal.
-    pub fn add_record(&mut self, w: &mut JointSpace, k: usize, coupled: bool) {
+    pub fn add_record(&mut self, w: &mut JointWorkspace, k: usize, coupled: bool) {
         self.add_residual(w);
         let System { blocks, qr, q, triangles, products, sizes, full, .. } = self;
         let count = blocks.len();
@@ -100,7 +100,7 @@ impl System {
     }
 
     /// Adds the products of the outputs' residuals that stand in the workspace.
-    pub fn add_residual(&mut self, w: &JointSpace) {
+    pub fn add_residual(&mut self, w: &JointWorkspace) {
         let outputs = self.squares.len().isqrt();
         let residual = numbers(&w.residual.all);
         let each = residual.len() / outputs.max(1);

@@ -7,7 +7,7 @@
 //! |E(v + hσ) − 2E(v) + E(v − hσ)| / |E(v + hσ) − E(v − hσ)|,   tan(khσ/2) of sin(ky).
 //! ```
 
-use super::{Desk, Place, TermsRecordPlan};
+use super::{LinesWorkspace, Place, TermsRecordPlan};
 use crate::estimate::terms::equations::Equations;
 
 /// h: with one alone, kσ could be a whole number of periods.
@@ -15,14 +15,14 @@ const MOVES: [f64; 2] = [1.0, 0.6];
 
 impl TermsRecordPlan {
     /// The largest ratio of the root mean squares of both differences among the signals that depend on θ; 0 of none.
-    pub fn bend(&self, e: &Equations, at: &Place<'_>, desk: &mut Desk) -> f64 {
+    pub fn bend(&self, e: &Equations, at: &Place<'_>, space: &mut LinesWorkspace) -> f64 {
         let mut moving: Vec<usize> = e.signal_slopes.iter().map(|(s, ..)| *s).collect();
         moving.retain(|s| e.sensitivities.iter().any(|(own, _)| own == s));
         moving.sort_unstable();
         moving.dedup();
         let mut most = 0.0f64;
         for h in MOVES.iter().take(if moving.is_empty() { 0 } else { MOVES.len() }) {
-            let [low, mid, high] = [-h, 0.0, *h].map(|by| self.moved(e, at, by, &moving, desk));
+            let [low, mid, high] = [-h, 0.0, *h].map(|by| self.moved(e, at, by, &moving, space));
             for ((low, mid), high) in low.iter().zip(&mid).zip(&high) {
                 let each = low.iter().zip(mid).zip(high);
                 let (first, second) = each.fold((0.0, 0.0), |(first, second), ((a, b), c)| {
@@ -42,7 +42,7 @@ impl TermsRecordPlan {
         at: &Place<'_>,
         by: f64,
         signals: &[usize],
-        desk: &mut Desk,
+        space: &mut LinesWorkspace,
     ) -> Vec<Vec<f64>> {
         let shifted: Vec<Vec<f64>> = e
             .noisy
@@ -58,7 +58,7 @@ impl TermsRecordPlan {
             channels[*channel] = own;
         }
         let at = Place { channels: &channels, sigma: at.sigma, theta: at.theta, clean: &[] };
-        self.formulas(e, &at, &[], desk);
-        signals.iter().map(|s| desk.results[*s].clone()).collect()
+        self.formulas(e, &at, &[], space);
+        signals.iter().map(|s| space.results[*s].clone()).collect()
     }
 }

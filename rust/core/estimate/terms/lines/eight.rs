@@ -29,7 +29,7 @@ pub(crate) struct EightSpectra {
 
 /// Memory of one worker.
 #[derive(Default)]
-pub(crate) struct EightDesk {
+pub(crate) struct EightWorkspace {
     channels: Vec<Vec<Wide>>,
     /// Noisy channels without their noise, and whether it was taken away.
     clean: Vec<Vec<Wide>>,
@@ -47,7 +47,7 @@ pub(crate) struct EightDesk {
     room: Scratch,
 }
 
-impl EightDesk {
+impl EightWorkspace {
     /// Takes the samples of up to eight records, and the covariance of their noise; the last stands in spare lanes.
     pub fn take(&mut self, records: &[&TermsRecord<'_>], sigmas: &[&Sigma]) {
         let last = records.len() - 1;
@@ -76,20 +76,20 @@ impl TermsRecordPlan {
         e: &Equations,
         pairs: &Pairs,
         (first, count): (usize, usize),
-        desk: &mut EightDesk,
+        space: &mut EightWorkspace,
         out: &mut EightSpectra,
     ) -> Result<(), Error> {
-        self.formulas_of_eight(e, desk);
+        self.formulas_of_eight(e, space);
         let lines = self.highest + 1;
-        desk.re.resize(lines, Wide::ZERO);
-        desk.im.resize(lines, Wide::ZERO);
-        if desk.scratch.is_empty() {
-            desk.scratch.extend(self.plans.iter().map(CoefficientPlan::scratch));
-            desk.room = self.noise.scratch();
+        space.re.resize(lines, Wide::ZERO);
+        space.im.resize(lines, Wide::ZERO);
+        if space.scratch.is_empty() {
+            space.scratch.extend(self.plans.iter().map(CoefficientPlan::scratch));
+            space.room = self.noise.scratch();
         }
         out.signals.clear();
         for (s, plan) in self.plans.iter().enumerate() {
-            let EightDesk { results, re, im, scratch, .. } = &mut *desk;
+            let EightWorkspace { results, re, im, scratch, .. } = &mut *space;
             plan.run_lanes(isa, &results[s], re, im, &mut scratch[s])?;
             let least = largest(&results[s]).0.map(|most| ROUNDING * most);
             let kept = |x: Wide| {
@@ -99,7 +99,7 @@ impl TermsRecordPlan {
             let own = re.iter().zip(&*im).skip(first).take(count);
             out.signals.extend(own.map(|(re, im)| [kept(*re), kept(*im)]));
         }
-        self.correlate_eight(isa, e, pairs, desk, out)
+        self.correlate_eight(isa, e, pairs, space, out)
     }
 
     /// The pairs of sensitivities alone, where noise has been taken from the channels.
@@ -108,11 +108,11 @@ impl TermsRecordPlan {
         isa: Isa,
         e: &Equations,
         pairs: &Pairs,
-        desk: &mut EightDesk,
+        space: &mut EightWorkspace,
         out: &mut EightSpectra,
     ) -> Result<(), Error> {
-        self.formulas_of_eight(e, desk);
-        self.correlate_eight(isa, e, pairs, desk, out)
+        self.formulas_of_eight(e, space);
+        self.correlate_eight(isa, e, pairs, space, out)
     }
 
     fn correlate_eight(
@@ -120,7 +120,7 @@ impl TermsRecordPlan {
         isa: Isa,
         e: &Equations,
         pairs: &Pairs,
-        desk: &mut EightDesk,
+        space: &mut EightWorkspace,
         out: &mut EightSpectra,
     ) -> Result<(), Error> {
         out.middle = self.noise.middle();
@@ -133,7 +133,7 @@ impl TermsRecordPlan {
             let channels = |(a, b): &(usize, usize)| (e.sensitivities[*a].1, e.sensitivities[*b].1);
             let both = |pair: &(usize, usize)| {
                 let (c, d) = channels(pair);
-                desk.sigma[Sigma::place_of(e.noisy.len(), c, d)]
+                space.sigma[Sigma::place_of(e.noisy.len(), c, d)]
             };
             *apart = list.iter().all(|pair| both(pair) == Wide::ZERO);
             if *apart {
@@ -149,27 +149,27 @@ impl TermsRecordPlan {
                 continue;
             }
             let (first, n) = (self.window.lead, self.window.intervals);
-            desk.product.clear();
-            desk.product.resize(n + 1, Wide::ZERO);
+            space.product.clear();
+            space.product.resize(n + 1, Wide::ZERO);
             for pair in list {
                 let own = both(pair);
-                let slopes = [pair.0, pair.1].map(|k| &desk.results[e.signals.len() + k][first..]);
-                let each = desk.product.iter_mut().zip(slopes[0]).zip(slopes[1]);
+                let slopes = [pair.0, pair.1].map(|k| &space.results[e.signals.len() + k][first..]);
+                let each = space.product.iter_mut().zip(slopes[0]).zip(slopes[1]);
                 for ((to, a), b) in each {
                     for k in 0..LANES {
                         to.0[k] += own.0[k] * a.0[k] * b.0[k];
                     }
                 }
             }
-            let EightDesk { product, re, im, room, .. } = &mut *desk;
+            let EightWorkspace { product, re, im, room, .. } = &mut *space;
             self.noise.correlate_eight(isa, product, re, im, room, out)?;
         }
         Ok(())
     }
 
     /// Signals and sensitivities, sample by sample; the latter alone where noise has been taken away.
-    fn formulas_of_eight(&self, e: &Equations, desk: &mut EightDesk) {
-        let EightDesk { channels, clean, cleared, sigma, registers, results, .. } = desk;
+    fn formulas_of_eight(&self, e: &Equations, space: &mut EightWorkspace) {
+        let EightWorkspace { channels, clean, cleared, sigma, registers, results, .. } = space;
         results.resize_with(e.samples.results(), Vec::new);
         for r in &mut *results {
             r.resize(self.samples, Wide::ZERO);
@@ -187,7 +187,7 @@ impl TermsRecordPlan {
     }
 
     /// Takes from the noisy channels the noise that explains the residuals best, as [`TermsRecordPlan::denoised`];
-    /// the desk holds the formulas of these records.
+    /// the workspace holds the formulas of these records.
     pub fn denoise_eight(
         &self,
         isa: Isa,
@@ -195,25 +195,25 @@ impl TermsRecordPlan {
         pairs: &Pairs,
         sources: &[Both],
         (first, count): (usize, usize),
-        desk: &mut EightDesk,
+        space: &mut EightWorkspace,
     ) {
         let (lead, noisy) = (self.window.lead, e.noisy.len());
-        desk.cleared = true;
-        desk.clean.resize_with(noisy, Vec::new);
-        for (to, c) in desk.clean.iter_mut().zip(&e.noisy) {
-            to.clone_from(&desk.channels[*c]);
+        space.cleared = true;
+        space.clean.resize_with(noisy, Vec::new);
+        for (to, c) in space.clean.iter_mut().zip(&e.noisy) {
+            to.clone_from(&space.channels[*c]);
         }
         for (s, own) in pairs.noisy.iter().zip(sources.chunks_exact(count)) {
-            self.noise.wave_of_eight(isa, own, first, &mut desk.wave);
+            self.noise.wave_of_eight(isa, own, first, &mut space.wave);
             let each = e.sensitivities.iter().enumerate().filter(|(_, (signal, _))| signal == s);
             for (k, (_, d)) in each {
-                let slope = &desk.results[e.signals.len() + k][lead..];
-                for (c, clean) in desk.clean.iter_mut().enumerate() {
-                    let both = desk.sigma[Sigma::place_of(noisy, c, *d)];
+                let slope = &space.results[e.signals.len() + k][lead..];
+                for (c, clean) in space.clean.iter_mut().enumerate() {
+                    let both = space.sigma[Sigma::place_of(noisy, c, *d)];
                     if both == Wide::ZERO {
                         continue;
                     }
-                    for (to, (w, d)) in clean[lead..].iter_mut().zip(desk.wave.iter().zip(slope)) {
+                    for (to, (w, d)) in clean[lead..].iter_mut().zip(space.wave.iter().zip(slope)) {
                         for k in 0..LANES {
                             to.0[k] -= both.0[k] * d.0[k] * w.0[k];
                         }

@@ -4,19 +4,19 @@ use super::plan::{GroupPlan, Problem, Task};
 use crate::error::Error;
 use crate::estimate::batch::load;
 use crate::estimate::covariances::Kinds;
-use crate::estimate::joint::JointSpace;
+use crate::estimate::joint::JointWorkspace;
 use crate::estimate::{Outcome, Start, Workspace, estimate};
 use crate::simd::{Isa, LANES, Wide};
 
 /// Coefficients of eight replicates with all that an estimate needs.
-pub(crate) enum Space {
+pub(crate) enum TaskWorkspace {
     Plain(Box<Workspace>),
-    Joint(Box<JointSpace>),
+    Joint(Box<JointWorkspace>),
 }
 
-impl Space {
+impl TaskWorkspace {
     /// With the inputs of a task loaded.
-    pub fn new(g: &GroupPlan, task: &Task) -> Space {
+    pub fn new(g: &GroupPlan, task: &Task) -> TaskWorkspace {
         let splat = |v: &Vec<f64>| v.iter().map(|x| Wide::splat(*x)).collect::<Vec<_>>();
         match &task.problem {
             Problem::Plain(shared) => {
@@ -29,16 +29,16 @@ impl Space {
                     space.set_drives(known.drives(0, &[], |_, input| &g.u[input]));
                 }
                 space.covariances.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
-                Space::Plain(Box::new(space))
+                TaskWorkspace::Plain(Box::new(space))
             }
             Problem::Joint(shared) => {
-                let mut space = JointSpace::new(&shared.design);
+                let mut space = JointWorkspace::new(&shared.design);
                 let outputs = shared.design.outputs();
                 for (k, (re, im)) in task.inputs.iter().enumerate() {
                     shared.load(&mut space, outputs + k, &splat(re), &splat(im));
                 }
                 space.covariances.kinds = task.intervals.map_or_else(Kinds::default, Kinds::only);
-                Space::Joint(Box::new(space))
+                TaskWorkspace::Joint(Box::new(space))
             }
         }
     }
@@ -54,8 +54,8 @@ impl Space {
     /// Where an output's coefficients are written, in the user's units.
     pub fn signal_mut(&mut self, output: usize) -> (&mut [Wide], &mut [Wide]) {
         match self {
-            Space::Plain(space) => space.signal_mut(0, output),
-            Space::Joint(space) => space.signal_mut(0, output),
+            TaskWorkspace::Plain(space) => space.signal_mut(0, output),
+            TaskWorkspace::Joint(space) => space.signal_mut(0, output),
         }
     }
 
@@ -68,10 +68,10 @@ impl Space {
         live: [bool; LANES],
     ) -> Result<Outcome, Error> {
         match (self, &task.problem) {
-            (Space::Plain(space), Problem::Plain(shared)) => {
+            (TaskWorkspace::Plain(space), Problem::Plain(shared)) => {
                 Ok(estimate(isa, &shared.design, space, live, Start::Wls, &task.options))
             }
-            (Space::Joint(space), Problem::Joint(shared)) => {
+            (TaskWorkspace::Joint(space), Problem::Joint(shared)) => {
                 shared.to_units(space);
                 let paths = 0..shared.kinds.len();
                 let samples = paths.map(|s| vec![g.u[shared.input(s)].as_slice()]).collect();
@@ -84,8 +84,12 @@ impl Space {
     /// Parameter `k` of every lane in the user's units.
     pub fn parameter(&self, task: &Task, k: usize) -> [f64; LANES] {
         match (self, &task.problem) {
-            (Space::Plain(space), Problem::Plain(shared)) => space.parameter(&shared.design, k),
-            (Space::Joint(space), Problem::Joint(shared)) => space.parameter(&shared.design, k),
+            (TaskWorkspace::Plain(space), Problem::Plain(shared)) => {
+                space.parameter(&shared.design, k)
+            }
+            (TaskWorkspace::Joint(space), Problem::Joint(shared)) => {
+                space.parameter(&shared.design, k)
+            }
             _ => [f64::NAN; LANES],
         }
     }
@@ -93,10 +97,10 @@ impl Space {
     /// Variance of parameter `k` of every lane, of the kind that the task counts.
     pub fn parameter_variance(&self, task: &Task, k: usize) -> [f64; LANES] {
         match (self, &task.problem, task.intervals) {
-            (Space::Plain(space), Problem::Plain(shared), Some(kind)) => {
+            (TaskWorkspace::Plain(space), Problem::Plain(shared), Some(kind)) => {
                 space.covariances.variance(kind, k, shared.design.scale[k])
             }
-            (Space::Joint(space), Problem::Joint(shared), Some(kind)) => {
+            (TaskWorkspace::Joint(space), Problem::Joint(shared), Some(kind)) => {
                 space.covariances.variance(kind, k, shared.design.parameter_scale(k))
             }
             _ => [f64::NAN; LANES],
@@ -106,8 +110,8 @@ impl Space {
     /// Degrees of freedom of the variance of parameter `k` of every lane, where the noise spectrum is estimated.
     pub fn degrees(&self, k: usize) -> [f64; LANES] {
         match self {
-            Space::Plain(space) => space.covariances.spectral.degrees[k].0,
-            Space::Joint(space) => space.covariances.spectral.degrees[k].0,
+            TaskWorkspace::Plain(space) => space.covariances.spectral.degrees[k].0,
+            TaskWorkspace::Joint(space) => space.covariances.spectral.degrees[k].0,
         }
     }
 }

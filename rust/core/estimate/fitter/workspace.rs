@@ -15,11 +15,11 @@ use crate::estimate::workspace::Workspace;
 use crate::simd::{LANES, Wide};
 use crate::spectrum::{CoefficientPlan, Scratch};
 
-/// Problems that a desk keeps: the two of the default rule, and bands lately chosen.
+/// Problems that a workspace keeps: the two of the default rule, and bands lately chosen.
 const PROBLEMS: usize = 4;
 
 /// Memory of one fit.
-pub(crate) struct Desk {
+pub(crate) struct FitWorkspace {
     /// Of each record, each channel.
     pub(super) spectra: Vec<Vec<Spectrum>>,
     /// Power of two at the size of each channel over all records.
@@ -55,13 +55,13 @@ pub(crate) fn binary_unit(size: f64) -> f64 {
 }
 
 impl Fitter {
-    pub(super) fn desk(&self) -> Desk {
+    pub(super) fn space(&self) -> FitWorkspace {
         let spectrum = |plan: &CoefficientPlan| {
             let none = vec![0.0; plan.harmonics() + 1];
             Spectrum { scratch: plan.scratch(), re: none.clone(), im: none }
         };
         let spectra = |r: &RecordPlan| r.plans.iter().map(spectrum).collect();
-        Desk {
+        FitWorkspace {
             spectra: self.records.iter().map(spectra).collect(),
             units: Vec::new(),
             levels: vec![1.0; self.records.len()],
@@ -71,7 +71,11 @@ impl Fitter {
     }
 
     /// Coefficients of all channels, and their units.
-    pub(super) fn load(&self, desk: &mut Desk, records: &[RecordView<'_>]) -> Result<(), Error> {
+    pub(super) fn load(
+        &self,
+        space: &mut FitWorkspace,
+        records: &[RecordView<'_>],
+    ) -> Result<(), Error> {
         if records.len() != self.records.len() {
             return Err(Error::Data(format!(
                 "fitting: {} records were given where {} were announced",
@@ -80,7 +84,7 @@ impl Fitter {
             )));
         }
         let inputs = self.o.structure.numerators.len();
-        for ((record, plan), spectra) in records.iter().zip(&self.records).zip(&mut desk.spectra) {
+        for ((record, plan), spectra) in records.iter().zip(&self.records).zip(&mut space.spectra) {
             if record.u.len() != inputs {
                 return Err(Error::Data(format!(
                     "fitting: the structure has {inputs} inputs but a record has {}",
@@ -92,42 +96,45 @@ impl Fitter {
                 plan.run_in(self.isa, samples, &mut s.re, &mut s.im, &mut s.scratch)?;
             }
         }
-        desk.begin();
-        desk.drives.clear();
+        space.begin();
+        space.drives.clear();
         if matches!(self.o.initial, Initial::Zero | Initial::Rest) {
             let known = self.known_start(1.0)?;
             let drives = |(k, record): (usize, &RecordView<'_>)| {
-                Arc::new(known.drives(k, &desk.units, |_, input| record.u[input]))
+                Arc::new(known.drives(k, &space.units, |_, input| record.u[input]))
             };
-            desk.drives = records.iter().enumerate().map(drives).collect();
+            space.drives = records.iter().enumerate().map(drives).collect();
         }
         Ok(())
     }
 
     /// The problem on lines (first, last) a record, its workspace loaded. Put it back with
-    /// [`Desk::keep`].
-    pub(crate) fn problem(&self, desk: &mut Desk, ranges: &[Range]) -> Result<Problem, Error> {
-        let same = |p: &Problem| p.ranges == ranges && p.levels == desk.levels;
-        let mut problem = match desk.problems.iter().position(same) {
-            Some(at) => desk.problems.remove(at),
+    /// [`FitWorkspace::keep`].
+    pub(crate) fn problem(
+        &self,
+        space: &mut FitWorkspace,
+        ranges: &[Range],
+    ) -> Result<Problem, Error> {
+        let same = |p: &Problem| p.ranges == ranges && p.levels == space.levels;
+        let mut problem = match space.problems.iter().position(same) {
+            Some(at) => space.problems.remove(at),
             None => {
-                let design = self.design(ranges, &desk.levels)?;
-                let (scale, space) = (design.scale.clone(), Workspace::new(&design));
+                let design = self.design(ranges, &space.levels)?;
                 Problem {
                     ranges: ranges.to_vec(),
-                    levels: desk.levels.clone(),
+                    levels: space.levels.clone(),
+                    scale: design.scale.clone(),
+                    space: Workspace::new(&design),
                     design,
-                    scale,
-                    space,
                 }
             }
         };
-        problem.load(desk);
+        problem.load(space);
         Ok(problem)
     }
 }
 
-impl Desk {
+impl FitWorkspace {
     /// Units of the coefficients that stand, the power of two at the size of each channel over all records; noise of
     /// one level.
     pub(super) fn begin(&mut self) {
@@ -148,12 +155,12 @@ impl Desk {
 }
 
 impl Problem {
-    /// Writes a desk's coefficients into the workspace, in the desk's units.
-    fn load(&mut self, desk: &Desk) {
+    /// Writes a workspace's coefficients into the workspace, in the workspace's units.
+    fn load(&mut self, space: &FitWorkspace) {
         self.design.scale.copy_from_slice(&self.scale);
-        self.design.set_units(&desk.units);
-        for (k, (spectra, range)) in desk.spectra.iter().zip(self.design.lines()).enumerate() {
-            for ((signal, s), unit) in spectra.iter().enumerate().zip(&desk.units) {
+        self.design.set_units(&space.units);
+        for (k, (spectra, range)) in space.spectra.iter().zip(self.design.lines()).enumerate() {
+            for ((signal, s), unit) in spectra.iter().enumerate().zip(&space.units) {
                 let (re, im) = self.space.signal_mut(k, signal);
                 let from = s.re[range.first..].iter().zip(&s.im[range.first..]);
                 for ((re, im), (from_re, from_im)) in re.iter_mut().zip(im).zip(from) {
@@ -165,7 +172,7 @@ impl Problem {
             }
             // The band rule may have asked for fewer.
             self.space.records[k].limit = self.space.records[k].lines;
-            if let Some(drives) = desk.drives.get(k) {
+            if let Some(drives) = space.drives.get(k) {
                 self.space.records[k].tie.drives = drives.clone();
             }
         }

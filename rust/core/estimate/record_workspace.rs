@@ -1,4 +1,4 @@
-//! Scratch of one record: its coefficients, what a pass makes of them, and its system.
+//! Workspace of one record: its coefficients, what a pass makes of them, and its system.
 
 use super::aliasing::Measured;
 use super::rest::Tie;
@@ -6,7 +6,7 @@ use crate::simd::Wide;
 
 /// One record of eight replicates.
 #[derive(Debug, Clone)]
-pub(crate) struct RecordSpace {
+pub(crate) struct RecordWorkspace {
     /// Signals (output, inputs, the constant one) × lines.
     pub re: Vec<Wide>,
     /// Imaginary parts, alike.
