@@ -33,14 +33,18 @@ impl JointFitter {
         let given = self.ranges();
         let sought = self.o.band == Band::Default && self.adapts() && !self.o.driven;
         let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
+        // After a fit over a narrower band delays need not be sought anew.
+        let seeks = !self.o.structure.free_delays().is_empty();
+        let known = before.filter(|_| seeks).map(<[f64]>::to_vec);
+        let begun = known.or_else(|| self.estimate_apart(records));
         if !sought {
-            let start = self.search(loaded, records, &given, &white)?;
+            let start = self.begun(loaded, records, &given, begun.as_deref())?;
             return Ok(Choice { ranges: given, rule: None, theta: start });
         }
         let narrow = self.narrow(&given);
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         // Delays are sought on the band where a wrong one shows, and on the narrow one for the second start.
-        let first = self.search(loaded, records, &given, &white)?;
+        let first = self.begun(loaded, records, &given, begun.as_deref())?;
         let d = self.design(&given, &loaded.scales, &white, true)?;
         let mut best = self.single(&d, loaded);
         let (first_cost, _) = self.trial(&mut best, records, first.as_deref(), None)?;
@@ -51,7 +55,7 @@ impl JointFitter {
             chosen: last(&given),
         };
         let mut least = first_cost;
-        let second = self.narrow_estimate(loaded, records, &given)?;
+        let second = self.narrow_estimate(loaded, records, &given, begun.as_deref())?;
         for (at, start) in [second.as_deref(), before].into_iter().enumerate() {
             let Some(start) = start else { continue };
             let mut other = self.single(&d, loaded);
@@ -97,6 +101,7 @@ impl JointFitter {
         loaded: &Loaded,
         records: &[JointRecord<'_>],
         ranges: &[Range],
+        apart: Option<&[f64]>,
     ) -> Result<Option<Vec<f64>>, Error> {
         let narrow = self.narrow(ranges);
         if !self.adapts() || narrow == ranges {
@@ -106,7 +111,7 @@ impl JointFitter {
         // Too few lines for the unknowns are no failure of the wide fit.
         let Ok(few) = self.design(&narrow, &loaded.scales, &white, true) else { return Ok(None) };
         let mut few = self.single(&few, loaded);
-        let start = self.search(loaded, records, &narrow, &white)?;
+        let start = self.begun(loaded, records, &narrow, apart)?;
         let (cost, _) = self.trial(&mut few, records, start.as_deref(), None)?;
         Ok(cost.is_finite().then(|| few.w.theta(few.d, 0).collect()))
     }
@@ -138,19 +143,30 @@ impl JointFitter {
         Ok((if usable { cost } else { f64::INFINITY }, ended.near))
     }
 
+    /// Where delays start: at the estimate of each output alone, else where a search finds them.
+    fn begun(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        ranges: &[Range],
+        apart: Option<&[f64]>,
+    ) -> Result<Option<Vec<f64>>, Error> {
+        apart.map_or_else(|| self.search(loaded, records, ranges), |theta| Ok(Some(theta.to_vec())))
+    }
+
     /// Estimates from many delays at once, one a lane; the best one's parameters. Nothing where none are to be found.
     fn search(
         &self,
         loaded: &Loaded,
         records: &[JointRecord<'_>],
         ranges: &[Range],
-        noise: &NoiseModel,
     ) -> Result<Option<Vec<f64>>, Error> {
         if self.o.structure.free_delays().is_empty() {
             return Ok(None);
         }
         // Starts are good enough without what is known of worse samples.
-        let d = self.design(ranges, &loaded.scales, noise, false)?;
+        let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
+        let d = self.design(ranges, &loaded.scales, &white, false)?;
         let mut w = self.space(&d, loaded);
         let free = &d.free_delays;
         // So many of each that all combinations stay within the trials.

@@ -83,8 +83,8 @@ impl JointFitter {
         }
         // Lines are chosen with the levels that few of them tell; then all tell them better than those the fit needs.
         let white = NoiseModel { colour: Colour::Given, ..self.o.noise.clone() };
-        let wide = self.ranges();
-        if let Some(theta) = self.narrow_estimate(&loaded, records, &wide)? {
+        let (wide, apart) = (self.ranges(), self.estimate_apart(records));
+        if let Some(theta) = self.narrow_estimate(&loaded, records, &wide, apart.as_deref())? {
             let few = (&white, JointStart::Theta(&theta));
             let few = self.fit_from(&loaded, records, &self.narrow(&wide), few)?;
             self.levelled(&mut loaded, records, &white, few)?;
@@ -180,7 +180,7 @@ impl JointFitter {
         let long = ended.status == Status::MaxIter || ended.nit > usual;
         // Ways from different starts may end in different minima. Delays that were sought had many starts.
         let narrow = match (rule, &theta) {
-            (None, None) if long => self.narrow_estimate(loaded, records, &ranges)?,
+            (None, None) if long => self.narrow_estimate(loaded, records, &ranges, None)?,
             _ => None,
         };
         let second = match (rule, &theta) {

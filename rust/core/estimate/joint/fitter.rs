@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use super::apart::Alone;
 use super::delays::Delayed;
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines, Seen};
 use super::single::Single;
@@ -135,11 +136,13 @@ pub struct JointFitter {
     pub(crate) isa: Isa,
     pub(crate) records: Vec<JointRecordPlan>,
     /// Variances of the samples, where they are uneven.
-    variances: Vec<Vec<Vec<f64>>>,
+    pub(super) variances: Vec<Vec<Vec<f64>>>,
     /// How often the wide band of the default rule was doubled.
     doublings: u32,
     /// The same with a band twice as wide, made when a record asks for it; none where samples show no more.
     wider: OnceLock<Option<Box<JointFitter>>>,
+    /// Of each output alone, where delays start from its estimate; made when first wanted.
+    pub(super) alone: OnceLock<Vec<Alone>>,
 }
 
 /// Coefficients of all records and signals (outputs, then paths), and what they are measured in.
@@ -290,8 +293,8 @@ impl JointFitter {
             })
         };
         let records = sampling.iter().enumerate().map(plan).collect::<Result<_, Error>>()?;
-        let (variances, wider) = (variances.to_vec(), OnceLock::new());
-        Ok(JointFitter { o, isa, records, variances, doublings, wider })
+        let (variances, wider, alone) = (variances.to_vec(), OnceLock::new(), OnceLock::new());
+        Ok(JointFitter { o, isa, records, variances, doublings, wider, alone })
     }
 
     /// The fitter with a band twice as wide, where the rule's choice met the end of this one.

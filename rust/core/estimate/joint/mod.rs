@@ -19,6 +19,7 @@
 //! line, which are written line by line and their products summed: slower than the sums of products that one output
 //! with white noise allows (`estimate::sums`), and able to carry what those cannot.
 
+mod apart;
 mod at_once;
 mod batch;
 mod colour;
