@@ -1,26 +1,23 @@
 //! Outputs that share no parameter: each is fitted alone first, which tells where several delays start.
 
 use super::design::NoiseModel;
-use super::fitter::{JointFitter, JointOptions, JointRecord};
+use super::fitter::{Alone, JointFitter, JointOptions, JointRecord};
 use super::structure::JointStructure;
 use crate::error::Status;
 use crate::estimate::fit::Time;
 use crate::estimate::prior::Prior;
-
-/// The fits of one output, and where its parameters stand among all.
-pub(super) struct Alone {
-    output: usize,
-    fitter: JointFitter,
-    places: Vec<usize>,
-}
 
 impl JointStructure {
     /// Whether outputs share neither denominator nor estimated delay, and two delays or more are estimated: the grid
     /// of all of them is coarse, those of each output are fine.
     fn is_apart(&self) -> bool {
         let free = self.free_delays();
-        let users = |path: &usize| self.numerators.iter().filter(|row| row[*path].is_some()).count();
-        !self.common && self.orders.len() > 1 && free.len() > 1 && free.iter().all(|p| users(p) == 1)
+        let users =
+            |path: &usize| self.numerators.iter().filter(|row| row[*path].is_some()).count();
+        !self.common
+            && self.orders.len() > 1
+            && free.len() > 1
+            && free.iter().all(|p| users(p) == 1)
     }
 
     /// One output's structure, and the places of its parameters.

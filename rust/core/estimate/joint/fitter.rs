@@ -2,7 +2,6 @@
 
 use std::sync::OnceLock;
 
-use super::apart::Alone;
 use super::delays::Delayed;
 use super::design::{Colour, JointDesign, NoiseModel, RecordLines, Seen};
 use super::single::Single;
@@ -143,6 +142,13 @@ pub struct JointFitter {
     wider: OnceLock<Option<Box<JointFitter>>>,
     /// Of each output alone, where delays start from its estimate; made when first wanted.
     pub(super) alone: OnceLock<Vec<Alone>>,
+}
+
+/// The fits of one output, and where its parameters stand among all.
+pub(super) struct Alone {
+    pub output: usize,
+    pub fitter: JointFitter,
+    pub places: Vec<usize>,
 }
 
 /// Coefficients of all records and signals (outputs, then paths), and what they are measured in.
