@@ -349,8 +349,8 @@ def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
 def _of_products(fit: Estimates, d: Diagnosis, *, of_hidden: bool = False) -> Doubt | None:
     """That products of a signal and a derivative have made more of the noise than estimates bear.
 
-    `of_hidden`: products that the elimination of a hidden signal has left, whatever the ratio of levels. Estimates
-    of a Lorenz system without its third state were 8 to 20 standard errors off at a ratio of 2.3.
+    `of_hidden`: products that the elimination of a hidden signal has left, whatever the ratio of levels.
+    Estimates of a Lorenz system without its third state were 8 to 20 standard errors off at a ratio of 2.3.
     """
     formulas = getattr(fit.layout, "formulas", None)  # of equations
     if formulas is None or not d.chi2_p < SURE:

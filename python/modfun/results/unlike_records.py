@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..errors import ModfunError
 from ..records.record import Record
 from .cures import ENOUGH, again, likely_cure, on_band
@@ -59,6 +59,7 @@ def unlike_records(fit: Estimates) -> Doubt | None:
     )
 
 
+@kept
 def _alone(fit: Estimates) -> list[Estimates | None]:
     """A fit of each record of a list that fails or leaves more than noise; none where neither is so.
 
@@ -69,11 +70,7 @@ def _alone(fit: Estimates) -> list[Estimates | None]:
         return []
     if fit.usable and fit.success and not level_p(fit) < SURE:
         return []
-    kept: dict[str, Any] = fit.__dict__  # several looks ask
-    if "_alone" not in kept:
-        kept["_alone"] = [_made(fit, (rec,)) for rec in records]
-    found: list[Estimates | None] = kept["_alone"]
-    return found
+    return [_made(fit, (rec,)) for rec in records]
 
 
 def unlike_alone(fit: Estimates) -> tuple[int, Estimates | None] | None:

@@ -1,11 +1,10 @@
 """Several delays of a distillation column: each output alone tells where they start."""
 
+import modfun as mf
 import numpy as np
 import pytest
 
-import modfun as mf
-
-# Gain, time constant and delay in minutes of each path (R. K. Wood and M. W. Berry, Chem. Eng. Sci. 28, 1973).
+# Gain, time constant and delay (min) of each path: R. K. Wood and M. W. Berry, Chem. Eng. Sci. 28, 1973.
 COLUMN = {
     "top": {"reflux": (12.8, 16.7, 1), "steam": (-18.9, 21.0, 3)},
     "bottom": {"reflux": (6.6, 10.9, 7), "steam": (-19.4, 14.4, 3)},
@@ -37,7 +36,10 @@ def late():
 def test_four_delays_end_in_the_right_minimum(seed):
     """Seeds 3 and 6 ended at 7.8 and 0.5 min for 7 and 3, with "ok", when all were sought together."""
     structure = mf.TransferFunction(
-        poles=[2, 2], zeros=[[1, 1], [1, 1]], denominator="separate", delay=[[late(), late()] for _ in range(2)]
+        poles=[2, 2],
+        zeros=[[1, 1], [1, 1]],
+        denominator="separate",
+        delay=[[late(), late()] for _ in range(2)],
     )
     fit = mf.fit(record(seed), structure)
     assert fit.status == "ok"
@@ -49,7 +51,7 @@ def test_four_delays_end_in_the_right_minimum(seed):
 
 
 def test_held_and_bounded_parameters_keep_their_places():
-    """An output with a held pole and one without delays beside one with two: every number stays where it is."""
+    """A held coefficient, a bound and a known delay beside three free ones: every number stays in its place."""
     rec = record(0)
     pole = 1 / 10.9 + 1 / 14.4
     structure = mf.TransferFunction(
