@@ -51,7 +51,7 @@ def test_four_delays_end_in_the_right_minimum(seed):
 
 
 def test_held_and_bounded_parameters_keep_their_places():
-    """A held coefficient, a bound and a known delay beside three free ones: every number stays in its place."""
+    """A held coefficient, a bound and a known delay beside three free ones: all numbers stay in place."""
     rec = record(0)
     pole = 1 / 10.9 + 1 / 14.4
     structure = mf.TransferFunction(
