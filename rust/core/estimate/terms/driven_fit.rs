@@ -1,6 +1,6 @@
 //! Fits of equations that noise drives, from starts without such noise.
 
-use super::descent::{Ended, usable};
+use super::descent::usable;
 use super::driven::DrivenTerms;
 use super::fitter::TermsFit;
 use super::plan::{TermsFitter, TermsRecord, WIDEST};
@@ -29,7 +29,10 @@ impl TermsFitter {
             .map(|(few, own)| (own.0, few.1.min(own.1)))
             .collect();
         let few = self.problem(records, sigmas.clone(), &narrow, TermsWorkspace::default());
-        let few = few.and_then(|mut few| self.estimate(&mut few, None)).ok();
+        let (few, flat) = match few {
+            Ok(mut few) => (self.estimate(&mut few, None).ok(), few.flat().ok()),
+            Err(_) => (None, None),
+        };
         // Without such noise lines depend on one another, and a start needs no more than these.
         let capped: Vec<Range> =
             chosen.ranges.iter().map(|own| (own.0, own.1.min(own.0 + WIDEST))).collect();
@@ -37,10 +40,12 @@ impl TermsFitter {
             self.problem(records, sigmas.clone(), &capped, TermsWorkspace::default())?;
         let wide = self.estimate(&mut without, chosen.theta.as_deref())?;
         let mut problem = self.problem(records, sigmas, &chosen.ranges, worker)?;
-        let starts: Vec<Ended> = [Some(wide), few].into_iter().flatten().filter(usable).collect();
         let mut best: Option<DrivenTerms> = None;
-        for start in &starts {
-            let found = self.refine(&mut problem, start, noise)?;
+        // Weights as if sensors had all the noise may lead away: then once more from rows without.
+        for (start, last) in [(Some(wide), false), (few, false), (flat, true)] {
+            let settled = best.as_ref().is_some_and(|best| best.ended.status == Status::Ok);
+            let Some(start) = start.filter(usable).filter(|_| !(last && settled)) else { continue };
+            let found = self.refine(&mut problem, &start, noise)?;
             // Noise may be told apart in more than one way.
             if best.as_ref().is_none_or(|best| found.is_better(best)) {
                 best = Some(found);

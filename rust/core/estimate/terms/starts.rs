@@ -40,6 +40,12 @@ impl TermsProblem<'_> {
         }
     }
 
+    /// Least squares of the unweighted rows, where these are linear in θ.
+    pub fn flat(&mut self) -> Result<Ended, Error> {
+        let from = self.begin(None)?;
+        self.iterate(from, RowWeights::Flat, LeftColumns::Data, TOLERANCE, STEPS)
+    }
+
     /// θ that minimises the unweighted rows; with nonlinear coefficients the best of many minima.
     pub fn begin(&mut self, from: Option<&[f64]>) -> Result<Vec<f64>, Error> {
         let e = &self.fitter.o.equations;
