@@ -18,7 +18,7 @@ from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
 
-__all__ = ["check_record", "frozen_samples", "mixed_angles", "remarks_for_fits"]
+__all__ = ["check_record", "dropped_samples", "frozen_samples", "mixed_angles", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
@@ -58,7 +58,7 @@ def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
             yield from (("between", name, text) for text in _doubtful(record, name, record._seen[name]))
         if _measured(record, name, form):
             yield from (("frozen", name, text) for text in frozen_samples(record, name))
-            yield from (("dropouts", name, text) for text in _dropouts(record, name))
+            yield from (("dropouts", name, text) for text in dropped_samples(record, name))
             yield from (("code", name, text) for text in _codes(record, name))
             yield from (("clipped", name, text) for text in _clipped(record, name))
 
@@ -342,7 +342,7 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
             "the stored values."
         )
         return
-    if found := [*frozen_samples(record, name), *_dropouts(record, name)]:
+    if found := [*frozen_samples(record, name), *dropped_samples(record, name)]:
         yield from found
         return
     good = record._good(name)
@@ -374,10 +374,10 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     )
 
 
-def _dropouts(record: Samples, name: str) -> Iterator[str]:
-    """Say that a channel drops to 0 or keeps its last value for a few samples, several times."""
+def dropped_samples(record: Samples, name: str) -> Iterator[str]:
+    """Say that a measured channel drops to 0 or keeps its last value for a few samples, several times."""
     found = dropouts(record[name], record._good(name))
-    if found is None:
+    if found is None or not _measured(record, name, _form(record, name)):
         return
     starts, lengths, zeros = found
     kept = f"rec[{name!r}] != 0" if zeros else f"np.r_[True, np.diff(rec[{name!r}]) != 0]"

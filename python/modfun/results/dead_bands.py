@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..records.check import remarks_for_fits
+from ..records.check import dropped_samples, frozen_samples
 from ..records.dead_band import dead_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
@@ -31,7 +31,8 @@ def stored_late(fit: Estimates) -> Doubt | None:
 def stands_still(fit: Estimates) -> Doubt | None:
     """That an output stood still while it moved before and after, or that a channel dropped out."""
     for k, rec in enumerate(fit.records or ()):
-        for kind, channel, text in remarks_for_fits(rec):
-            if kind == "dropouts" or (kind == "frozen" and channel in rec.outputs):
+        for name in (*rec.outputs, *rec.inputs):
+            standing = frozen_samples(rec, name) if name in rec.outputs else ()
+            for text in (*standing, *dropped_samples(rec, name)):
                 return Doubt(text if k == 0 else f"Record {k}: {text}")
     return None
