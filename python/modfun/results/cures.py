@@ -31,6 +31,7 @@ __all__ = [
     "Cure",
     "Realigned",
     "again",
+    "again_at_all",
     "best_cure",
     "bic_beside",
     "convincing",
@@ -417,12 +418,17 @@ def _likeliest_delay(
 
 def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Estimates | None:
     """The fit made again with other words; None where it has no answer."""
+    other = again_at_all(fit, records, structure, options)
+    return other if other is not None and other.usable else None
+
+
+def again_at_all(fit: Estimates, records: Any, structure: Any, options: Options) -> Estimates | None:
+    """The same, also without an answer; None where it is refused."""
     assert fit.again is not None
     try:
-        other: Estimates = fit.again(records, structure, options)
+        return fit.again(records, structure, options)  # type: ignore[no-any-return]
     except ModfunError:  # too many unknowns for the band, say
         return None
-    return other if other.usable else None
 
 
 def otherwise(rec: Record, channel: int, word: str) -> Record:

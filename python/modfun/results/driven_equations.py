@@ -51,10 +51,8 @@ def driven(fit: Estimates) -> Cure | None:
     if plain is None or not isfinite(sensors := _of_sensors(plain, plain)):
         return None
     told, after = 'noise="process"', _bic(wide)
-    for words, structure in _gusts(fit, fit.structure):
-        gust = ProcessNoise(**{GUST: dryden(1.0)})
-        other = _with(fit, structure, options.replace(noise=gust, method="ml"))
-        if other is not None and other.band == wide.band and _bic(other) < after:
+    for words, other in _of_gusts(fit, fit.structure, options, wide.band):
+        if _bic(other) < after:
             told, after = words, _bic(other)
     margin = SURELY if len(fit.outputs) > 1 else APART
     if not after < sensors - margin:
@@ -65,18 +63,15 @@ def driven(fit: Estimates) -> Cure | None:
     return Cure(told, plain.bic, after, np.nan)
 
 
+@kept
 def one_cause(fit: Estimates) -> Doubt | None:
     """That one gust explains better what a fit takes for noise of each equation by itself."""
     base = _without_noises(fit)
     if base is None:
         return None
-    options, found = on_band(fit, fit.band), (fit.bic - SURELY, "")
-    for words, structure in _gusts(fit, base):
-        other = _with(fit, structure, options.replace(noise=ProcessNoise(**{GUST: dryden(1.0)}), method="ml"))
-        if other is not None and other.band == fit.band:
-            found = min(found, (other.bic, words))
-    after, words = found
-    if not words:
+    fits = _of_gusts(fit, base, on_band(fit, fit.band), fit.band)
+    after, words = min([(other.bic, words) for words, other in fits], default=(inf, ""))
+    if not after < fit.bic - SURELY:
         return None
     return Doubt(
         "The noises of the equations go together: one cause, such as a gust, explains them better than "
@@ -94,12 +89,11 @@ def _without_noises(fit: Estimates) -> Any:
         return model
     if not isinstance(noise, ProcessNoise) or not isinstance(model, StateSpace) or len(noise.names) < 2:
         return None
-    kept = [k for k, name in enumerate(model.inputs) if name not in noise.names]
-    b, d = ([[row[k] for k in kept] for row in matrix] for matrix in (model.B, model.D))
+    own = [k for k, name in enumerate(model.inputs) if name not in noise.names]
+    b, d = ([[row[k] for k in own] for row in matrix] for matrix in (model.B, model.D))
+    inputs, delay = [model.inputs[k] for k in own], [model.delay[k] for k in own]
     try:
-        return model._like(
-            B=b, D=d, inputs=[model.inputs[k] for k in kept], delay=[model.delay[k] for k in kept]
-        )
+        return model._like(B=b, D=d, inputs=inputs, delay=delay)
     except ModfunError:  # parameters of those inputs, say
         return None
 
@@ -113,6 +107,17 @@ def _with(fit: Estimates, structure: Any, options: Options) -> Estimates | None:
 def _bic(driven: Estimates) -> float:
     """BIC of a fit with noise in its equations, beside that of others over its band."""
     return float(driven.bic + len(driven.outputs) * np.log(driven.df_resid))
+
+
+def _of_gusts(
+    fit: Estimates, model: Any, options: Options, band: tuple[float, float]
+) -> Iterator[tuple[str, Estimates]]:
+    """Fits of one gust over a band, in words."""
+    gust = options.replace(noise=ProcessNoise(**{GUST: dryden(1.0)}), method="ml")
+    for words, structure in _gusts(fit, model):
+        other = _with(fit, structure, gust)
+        if other is not None and other.band == band:
+            yield words, other
 
 
 def _gusts(fit: Estimates, model: Any) -> Iterator[tuple[str, Any]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
-from math import inf, isfinite, log, pi
+from math import inf, isfinite, log
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from .cures import CLOSE, ENOUGH, WORTH, Cure, Realigned, again, bic_beside, con
 from .diagnosis import level_p
 from .doubts import Doubt
 from .estimates import Estimates
-from .hidden_units import angles_of, forces_of, seem
+from .hidden_units import DEGREES, GRAVITY, angles_of, forces_of, seem
 from .misfit import suspicious
 from .worth import worth
 
@@ -30,13 +30,12 @@ SIGMAS = 4.0  # standard errors within which a number agrees
 ROUGH = 0.05  # relative, the same: kinematics are often rounded
 NEAR = 0.03  # relative, the same of a unit
 MOST = 2  # channels that are in another unit at once
-DEGREES = 180 / pi
 # What a factor of a channel is, as size and words.
 UNITS = (
     (DEGREES, "in degrees and not in radians"),
-    (pi / 180, "in radians and not in degrees"),
-    (1 / 9.80665, "in g and not in m/s²"),
-    (9.80665, "in m/s² and not in g"),
+    (1 / DEGREES, "in radians and not in degrees"),
+    (1 / GRAVITY, "in g and not in m/s²"),
+    (GRAVITY, "in m/s² and not in g"),
     (1 / 0.3048, "in feet and not in metres"),
     (0.3048, "in metres and not in feet"),
 )

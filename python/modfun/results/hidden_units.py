@@ -17,7 +17,7 @@ from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 
-__all__ = ["angles_of", "forces_of", "in_other_units", "seem"]
+__all__ = ["DEGREES", "GRAVITY", "angles_of", "forces_of", "in_other_units", "seem"]
 
 DEGREES, GRAVITY = 180 / np.pi, 9.80665
 TENTH = log(10.0)  # of the logarithm of a power: what a unit explains at least where other things are wrong
@@ -61,8 +61,7 @@ def in_other_units(fit: Estimates) -> Doubt | None:
     if cure is None:
         return None
     fallen = f": BIC falls from {cure.before:.4g} to {cure.after:.4g}" if cure.before < inf else ""
-    seems, changes = cure.words.split("|")
-    return Doubt(f"{seems}. First try rec.assign({changes}){fallen}.")
+    return Doubt(f"{cure.words}{fallen}.")
 
 
 @kept
@@ -91,7 +90,7 @@ def _best(fit: Estimates) -> Cure | None:
 
 
 def _tries(model: StateSpace) -> Iterator[tuple[str, dict[str, float]]]:
-    """Changes in words and code, and the factors of channels; the more likely ones first."""
+    """What channels seem to be with the cure, and their factors; the more likely ones first."""
     angles, forces = angles_of(model), forces_of(model)
     some = [[name] for name in angles] + [[x for x in angles if x != name] for name in angles]
     subsets = [[], angles, *(chosen for chosen in some if 0 < len(chosen) < len(angles))]
@@ -110,7 +109,7 @@ def _tries(model: StateSpace) -> Iterator[tuple[str, dict[str, float]]]:
             minus, size = "-" if factor < 0 else "", "" if abs(factor) == 1 else f"*{abs(factor):.4g}"
             code += [f"{name}={minus}rec[{name!r}]{size}" for name in moved]
             factors = dict.fromkeys(chosen, 1 / DEGREES) | dict.fromkeys(moved, factor)
-            yield f"{'; '.join(parts)}|{', '.join(code)}", factors
+            yield f"{'; '.join(parts)}. First try rec.assign({', '.join(code)})", factors
 
 
 def seem(names: list[str], what: str) -> str:

@@ -8,9 +8,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.cached import kept
-from ..errors import ModfunError
-from ..records.record import Record
-from .cures import ENOUGH, again, likely_cure, on_band
+from .cures import ENOUGH, again, again_at_all, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
@@ -29,12 +27,11 @@ def unlike_records(fit: Estimates) -> Doubt | None:
     that is named. Where the model is wrong for every record, or one change of it explains all, records say
     nothing of parameters.
     """
-    each = _alone(fit)
-    right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
+    each, right = _alone(fit)
     if not right:
         return None
     if len(right) < len(each):
-        found = _of_channels(fit, each, right)
+        found = _of_channels(fit, _others(fit), right)
         return told(fit, found) if found else None
     fits = [own for own in each if own is not None]
     values, errors = (np.array([getattr(own, name) for own in fits]) for name in ("params", "bse"))
@@ -45,7 +42,7 @@ def unlike_records(fit: Estimates) -> Doubt | None:
         others = [j for j in right if j != k]
         if len(others) > 1 and not _p_value(values[others], [covs[j] for j in others]) > ENOUGH:
             continue
-        found = _of_channels(fit, each, others)
+        found = _of_channels(fit, _together(fit, others), others)
         # Of two records the one with the larger numbers is named.
         if found and not (len(others) == 1 and k == 0 and found[0].size < 1):
             return told(fit, found)
@@ -60,46 +57,41 @@ def unlike_records(fit: Estimates) -> Doubt | None:
 
 
 @kept
-def _alone(fit: Estimates) -> list[Estimates | None]:
-    """A fit of each record of a list that fails or leaves more than noise; none where neither is so.
+def _alone(fit: Estimates) -> tuple[list[Estimates | None], list[int]]:
+    """Fits of each record of a list that fails or leaves more than noise, and which of them leave only noise.
 
-    None where a record allows no fit.
+    Nothing of other fits; None where a record allows no fit.
     """
     records = fit.records or ()
     if not 1 < len(records) <= MOST or fit.again is None or not fit.params.size:
-        return []
+        return [], []
     if fit.usable and fit.success and not level_p(fit) < SURE:
-        return []
-    return [_made(fit, (rec,)) for rec in records]
+        return [], []
+    options = on_band(fit, fit.band) if fit.usable else fit.options
+    each = [again_at_all(fit, (rec,), fit.structure, options) for rec in records]
+    return each, [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
 
 
 def unlike_alone(fit: Estimates) -> tuple[int, Estimates | None] | None:
     """The first record, with its own fit, of those without which a list leaves only the noise."""
-    each = _alone(fit)
-    right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
-    if not len(each) / 2 < len(right) < len(each):
-        return None
-    if _of_right(fit, right) is None:
+    each, right = _alone(fit)
+    if not len(each) / 2 < len(right) < len(each) or _others(fit) is None:
         return None
     k = min({*range(len(each))} - {*right})
     return k, each[k]
 
 
-def _of_right(fit: Estimates, right: Sequence[int]) -> Estimates | None:
+@kept
+def _others(fit: Estimates) -> Estimates | None:
+    """The fit of the records that leave only noise alone, where it does so, too."""
+    return _together(fit, _alone(fit)[1])
+
+
+def _together(fit: Estimates, right: Sequence[int]) -> Estimates | None:
     """The fit of these records, where it leaves only the noise."""
     records = fit.records or ()
     found = again(fit, tuple([records[k] for k in right]), fit.structure, fit.options)
     return found if found is not None and _right(found) else None
-
-
-def _made(fit: Estimates, records: tuple[Record, ...]) -> Estimates | None:
-    assert fit.again is not None
-    options = on_band(fit, fit.band) if fit.usable else fit.options
-    try:
-        made: Estimates = fit.again(records, fit.structure, options)
-    except ModfunError:
-        return None
-    return made
 
 
 def _right(fit: Estimates, count: int = 1) -> bool:
@@ -107,10 +99,12 @@ def _right(fit: Estimates, count: int = 1) -> bool:
     return fit.usable and fit.success and level_p(fit) > ENOUGH / count
 
 
-def _of_channels(fit: Estimates, each: Sequence[Estimates | None], right: Sequence[int]) -> list[Change]:
-    """The change of a channel in every record but the right ones with which only the noise is left of all."""
+def _of_channels(fit: Estimates, base: Estimates | None, right: Sequence[int]) -> list[Change]:
+    """The change of a channel in every record but the right ones with which only the noise is left of all.
+
+    `base`: the fit of the right ones.
+    """
     records = fit.records or ()
-    base = _of_right(fit, right)
     if base is None:
         return []
     changed, found = list(records), list[Change]()
