@@ -38,13 +38,13 @@ impl JointFitter {
         let known = before.filter(|_| seeks).map(<[f64]>::to_vec);
         let begun = known.or_else(|| self.estimate_apart(records));
         if !sought {
-            let start = self.begun(loaded, records, &given, begun.as_deref())?;
+            let start = self.search(loaded, records, &given, begun.as_deref())?;
             return Ok(Choice { ranges: given, rule: None, theta: start });
         }
         let narrow = self.narrow(&given);
         let last = |r: &[Range]| r.iter().map(|r| r.1).max().unwrap_or(0);
         // Delays are sought on the band where a wrong one shows, and on the narrow one for the second start.
-        let first = self.begun(loaded, records, &given, begun.as_deref())?;
+        let first = self.search(loaded, records, &given, begun.as_deref())?;
         let d = self.design(&given, &loaded.scales, &white, true)?;
         let mut best = self.single(&d, loaded);
         let (first_cost, _) = self.trial(&mut best, records, first.as_deref(), None)?;
@@ -101,7 +101,7 @@ impl JointFitter {
         loaded: &Loaded,
         records: &[JointRecord<'_>],
         ranges: &[Range],
-        apart: Option<&[f64]>,
+        begun: Option<&[f64]>,
     ) -> Result<Option<Vec<f64>>, Error> {
         let narrow = self.narrow(ranges);
         if !self.adapts() || narrow == ranges {
@@ -111,7 +111,7 @@ impl JointFitter {
         // Too few lines for the unknowns are no failure of the wide fit.
         let Ok(few) = self.design(&narrow, &loaded.scales, &white, true) else { return Ok(None) };
         let mut few = self.single(&few, loaded);
-        let start = self.begun(loaded, records, &narrow, apart)?;
+        let start = self.search(loaded, records, &narrow, begun)?;
         let (cost, _) = self.trial(&mut few, records, start.as_deref(), None)?;
         Ok(cost.is_finite().then(|| few.w.theta(few.d, 0).collect()))
     }
@@ -143,24 +143,18 @@ impl JointFitter {
         Ok((if usable { cost } else { f64::INFINITY }, ended.near))
     }
 
-    /// Where delays start: at the estimate of each output alone, else where a search finds them.
-    fn begun(
-        &self,
-        loaded: &Loaded,
-        records: &[JointRecord<'_>],
-        ranges: &[Range],
-        apart: Option<&[f64]>,
-    ) -> Result<Option<Vec<f64>>, Error> {
-        apart.map_or_else(|| self.search(loaded, records, ranges), |theta| Ok(Some(theta.to_vec())))
-    }
-
-    /// Estimates from many delays at once, one a lane; the best one's parameters. Nothing where none are to be found.
+    /// Estimates from many delays at once, one a lane; the best one's parameters, or those that are known before
+    /// (`begun`). Nothing where no delays are to be found.
     fn search(
         &self,
         loaded: &Loaded,
         records: &[JointRecord<'_>],
         ranges: &[Range],
+        begun: Option<&[f64]>,
     ) -> Result<Option<Vec<f64>>, Error> {
+        if let Some(theta) = begun {
+            return Ok(Some(theta.to_vec()));
+        }
         if self.o.structure.free_delays().is_empty() {
             return Ok(None);
         }
