@@ -160,9 +160,8 @@ class Layout:
     @property
     def known_delays(self) -> list[tuple[str, float]]:
         """Inputs that are late by a known time, s."""
-        return [
-            (self.inputs[p.input], p.delay) for p in self.paths if not isinstance(p.delay, Free) and p.delay
-        ]
+        each = [(self.inputs[p.input], p.delay) for p in self.paths if not isinstance(p.delay, Free)]
+        return [(name, late) for name, late in dict.fromkeys(each) if late]
 
     @property
     def held(self) -> dict[str, float]:
@@ -217,11 +216,13 @@ def routes(
     """Distinct (input, delay) pairs and which of them each output and input takes.
 
     `table` holds delays [output][input]; `shared`: an estimated delay of an input is one for all outputs.
+    Those of an output stand in the order of its inputs, as their numerators do: a pair before an earlier
+    input's is taken again.
     """
     found: list[Path] = []
     taken = []
     for output, row in zip(outputs, table, strict=True):
-        own = []
+        own: list[int] = []
         for k, delay in enumerate(row):
             channel = [output] if not shared and len(outputs) > 1 else []
             channel += [inputs[k]] if len(inputs) > 1 else []
@@ -231,6 +232,7 @@ def routes(
                 for at, path in enumerate(found)
                 if path.input == k
                 and path.delay == delay
+                and at > max(own, default=-1)
                 and (not isinstance(delay, Free) or path.name == name)
             ]
             if not alike:
