@@ -13,14 +13,27 @@ from ..errors import SpecError
 from .names import nearest
 from .optional import optional
 
-__all__ = ["Scale", "angle_of", "any_scale", "scale"]
+__all__ = ["TIMES", "Scale", "angle_of", "any_scale", "scale", "seconds_in"]
+
+# Seconds in each unit of time, and its other spellings.
+TIMES: dict[str, tuple[float, tuple[str, ...]]] = {
+    "s": (1.0, ("sec", "secs", "second", "seconds", "sek", "sekunde", "sekunden")),
+    "ms": (1e-3, ("msec", "msecs", "millis", "millisecond", "milliseconds", "millisekunden")),
+    "us": (1e-6, ("µs", "μs", "usec", "µsec", "μsec", "microsecond", "microseconds", "mikrosekunden")),
+    "ns": (1e-9, ("nsec", "nanosecond", "nanoseconds", "nanosekunden")),
+    "min": (60.0, ("mins", "minute", "minutes", "minuten")),
+    "h": (3600.0, ("hr", "hrs", "hour", "hours", "std", "stunde", "stunden")),
+    "d": (86400.0, ("day", "days", "tag", "tage")),
+    "week": (604800.0, ("weeks", "woche", "wochen")),
+}
+_SPELLED = {word: name for name, (_, words) in TIMES.items() for word in (name, *words)}
 
 # Size of each unit in rad, m, kg, s, K, A, and its powers of these (a: angle).
 _BASE: dict[str, tuple[float, dict[str, int]]] = {
     "rad": (1.0, {"a": 1}), "deg": (math.pi / 180, {"a": 1}), "rev": (2 * math.pi, {"a": 1}),
     "arcmin": (math.pi / 10800, {"a": 1}), "arcsec": (math.pi / 648000, {"a": 1}),
-    "s": (1.0, {"s": 1}), "ms": (1e-3, {"s": 1}), "us": (1e-6, {"s": 1}), "min": (60.0, {"s": 1}),
-    "h": (3600.0, {"s": 1}), "Hz": (2 * math.pi, {"a": 1, "s": -1}), "rpm": (math.pi / 30, {"a": 1, "s": -1}),
+    **{name: (seconds, {"s": 1}) for name, (seconds, _) in TIMES.items()},
+    "Hz": (2 * math.pi, {"a": 1, "s": -1}), "rpm": (math.pi / 30, {"a": 1, "s": -1}),
     "m": (1.0, {"m": 1}), "mm": (1e-3, {"m": 1}), "cm": (1e-2, {"m": 1}), "km": (1e3, {"m": 1}),
     "ft": (0.3048, {"m": 1}), "in": (0.0254, {"m": 1}), "mile": (1609.344, {"m": 1}),
     "nmi": (1852.0, {"m": 1}), "kn": (1852 / 3600, {"m": 1, "s": -1}), "mph": (0.44704, {"m": 1, "s": -1}),
@@ -45,7 +58,7 @@ _BASE: dict[str, tuple[float, dict[str, int]]] = {
 }  # fmt: skip
 _ALIKE = {
     "°": "deg", "degree": "deg", "degrees": "deg", "radian": "rad", "radians": "rad", "revolution": "rev",
-    "sec": "s", "second": "s", "seconds": "s", "hr": "h", "hour": "h", "minute": "min", "hz": "Hz",
+    **_SPELLED, **{word.capitalize(): name for word, name in _SPELLED.items() if len(word) > 2}, "hz": "Hz",
     "meter": "m", "metre": "m", "meters": "m", "metres": "m", "feet": "ft", "foot": "ft", "inch": "in",
     "kt": "kn", "kts": "kn", "knot": "kn", "knots": "kn", "KTAS": "kn", "KIAS": "kn", "kmh": "kph", "G": "g",
     "lbs": "lb", "degC": "°C", "degF": "°F", "C": "°C", "F": "°F", "percent": "%", "-": "1", "": "1",
@@ -116,6 +129,18 @@ def any_scale(what: str, old: str, new: str) -> Scale:
         except Exception:  # of pint and of the parsers below it, for what is not a unit
             raise unknown from None
         raise SpecError(_differ(what, old, new)) from None
+
+
+def seconds_in(unit: str) -> float | None:
+    """How many seconds a unit of time is, in any spelling; None of what is no such unit.
+
+    Examples
+    --------
+    >>> seconds_in("Minuten"), seconds_in("hrs"), seconds_in("days since 2026-03-01"), seconds_in("foo")
+    (60.0, 3600.0, 86400.0, None)
+    """
+    name = _SPELLED.get(unit.lower().partition(" since ")[0].strip(" ."))
+    return None if name is None else TIMES[name][0]
 
 
 def _differ(what: str, old: str, new: str) -> str:

@@ -20,7 +20,7 @@ from ..base.names import listed
 from ..errors import DataError
 from .writing import refuse_large, write_text
 
-__all__ = ["Delimited", "numbers", "of_lines", "read_delimited", "write_delimited"]
+__all__ = ["Delimited", "is_date", "numbers", "of_lines", "read_delimited", "write_delimited"]
 
 
 TRUTH = {"true": 1.0, "false": 0.0}
@@ -67,6 +67,11 @@ def number(text: str) -> float | None:
         return (
             86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
         )
+
+
+def is_date(text: str) -> bool:
+    """Tell whether a text is a date or a time of day."""
+    return bool(CLOCK.fullmatch(text.strip()) or DATE.fullmatch(text.strip()))
 
 
 def numbers(texts: Sequence[str]) -> tuple[F64, int | None]:
@@ -284,7 +289,7 @@ def of_lines(label: str, lines: list[str], sheet: bool = False) -> Delimited:
                 "correct the line, or put # before it to skip it"
             )
     for name, text in zip(names, _fields(rows[0], delimiter), strict=False):
-        if CLOCK.fullmatch(text.strip()) or DATE.fullmatch(text.strip()):
+        if is_date(text):
             units[name] = "s"
     return Delimited(label, names, delimiter, rows, [k + 1 for k in kept], units, sheet)
 

@@ -89,7 +89,7 @@ def _missing(record: Samples) -> Iterator[str]:
 
 def _clock(record: Samples) -> Iterator[str]:
     usual = float(np.median(np.diff(record.t)))
-    if usual >= 2 and np.all(record.t == np.rint(record.t)):
+    if usual >= 2 and not record._timed and np.all(record.t == np.rint(record.t)):
         yield (
             f"Steps of {usual:g} are taken as seconds; if they are milliseconds, give dt={1e-3 * usual:g}, "
             "or the times in seconds."

@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from ..base.names import listed
 from ..base.samples import even_step
+from ..base.units import TIMES, seconds_in
 from ..errors import DataError, SpecError
-from ..files.delimited import numbers
+from ..files.delimited import is_date, numbers
 
 __all__ = [
-    "SECONDS",
+    "DAY",
     "Columns",
     "Told",
     "are_serial",
@@ -30,33 +31,16 @@ __all__ = [
     "since_1970",
     "time_candidates",
     "unit_of",
+    "unit_of_times",
 ]
 
 
 # Names of columns that are times, without their unit.
 TIME_WORDS = frozenset(("t", "time", "timestamp", "elapsed time", "utc", "gmt", "irig", "irig time", "zeit"))
-SECONDS = {
-    "s": 1.0,
-    "sec": 1.0,
-    "second": 1.0,
-    "seconds": 1.0,
-    "ms": 1e-3,
-    "msec": 1e-3,
-    "milliseconds": 1e-3,
-    "us": 1e-6,
-    "µs": 1e-6,
-    "μs": 1e-6,
-    "microseconds": 1e-6,
-    "ns": 1e-9,
-    "nanoseconds": 1e-9,
-    "min": 60.0,
-    "minutes": 60.0,
-    "h": 3600.0,
-    "hours": 3600.0,
-    "d": 86400.0,
-    "days": 86400.0,
-    "weeks": 604800.0,
-}
+DAY = TIMES["d"][0]
+OTHERWISE = ("d", "std", "tag")  # "t_d" is a delay, "t_std" a standard deviation, "time tag" an instant
+# A name and its unit without brackets: "Zeit/min", "t_ms", "Time, s", "Zeit in Std".
+BARE = re.compile(r"(.*?[^\s_/,])[\s_/,]+(?:in[\s_]+)?([^\s_/,]+)")
 SERIAL = (20_000, 80_000)  # days
 CLOCKS = (1e9, 2.2e9)  # seconds since 1970
 FASTEST = 1e-4  # s: steps of slow systems are not below it
@@ -119,8 +103,15 @@ def from_arrays(given: Mapping[Any, Any], label: str, told: Told | None = None) 
         return loaded
 
     told = told or Told()
-    dates = {name: "s" for name, array in arrays.items() if array.dtype.kind in "mM"}
+    dates = {name: "s" for name, array in arrays.items() if _of_dates(array)}
     return Columns(label, tuple(arrays), load, told=replace(told, units=dates | dict(told.units)))
+
+
+def _of_dates(array: NDArray[Any]) -> bool:
+    """Tell whether a column is of dates or times of day, which become seconds, also as text."""
+    if array.dtype.kind in "mM":
+        return True
+    return bool(array.size and isinstance(array[0], str) and is_date(array[0]))
 
 
 def numeric(array: NDArray[Any], name: str, label: str) -> F64:
@@ -153,16 +144,37 @@ def unit_of(name: str, told: Told | None = None) -> str:
 
 def _time_word(name: str) -> tuple[str, str]:
     """Return a name without its unit, and the unit, both in lower case: "TIME [s]", "t_s"."""
-    unit = unit_of(name)
+    word = name.lower().strip(" _")
+    unit = unit_of(name).lower()
     if unit:
-        return re.split(r"[\[(]", name)[0].strip(" _").lower(), unit.lower()
-    word, mark, tail = name.strip().lower().rpartition("_")
-    return (word, tail) if mark and tail in SECONDS and tail != "d" else (name.strip().lower(), "")
+        return re.split(r"[\[(]", word)[0].strip(" _"), "" if unit in TIME_WORDS else unit  # "Time (UTC)"
+    bare = BARE.fullmatch(word)
+    if bare and seconds_in(bare[2]) and (bare[2] not in OTHERWISE or bare[1] == "zeit"):
+        return bare[1], bare[2]
+    return word, word if seconds_in(word) else ""
+
+
+def unit_of_times(name: str, told: Told) -> str:
+    """Return the unit that a source says of a column of times, empty where it says none."""
+    return told.units.get(name, "").strip() or _time_word(name)[1]
 
 
 def seconds_of(name: str, told: Told) -> float:
-    """Return how many seconds the unit of a column of times is."""
-    return SECONDS.get(told.units.get(name, "").strip().lower() or _time_word(name)[1], 1.0)
+    """Return how many seconds the unit of a column of times is.
+
+    Raises
+    ------
+    SpecError
+        A unit that is not known.
+    """
+    unit = unit_of_times(name, told)
+    seconds = seconds_in(unit) if unit else 1.0
+    if seconds is None:
+        raise SpecError(
+            f"read: the times {name!r} are in {unit!r}, which is no known unit of time; say in which "
+            f"they are, units={{{name!r}: 's'}}, or {', '.join(map(repr, list(TIMES)[1:]))} in place of 's'"
+        )
+    return seconds
 
 
 def time_candidates(table: Columns) -> list[str]:
@@ -189,8 +201,7 @@ def doubtful_step(times: F64, name: str, told: Told) -> tuple[float, str] | None
 
     Whole numbers with steps of 2 or more may be milliseconds, and serial dates are days.
     """
-    said = told.units.get(name) or _time_word(name)[1]
-    if said or times.size < 2 or not np.isfinite(times).all():
+    if unit_of_times(name, told) or times.size < 2 or not np.isfinite(times).all():
         return None
     steps = np.diff(times)
     usual = float(np.median(steps))
@@ -214,7 +225,7 @@ def since_1970(seconds: F64) -> bool:
 
 def _whole_of_days(step: float) -> bool:
     """Tell whether a step in days is a multiple of ten seconds; those of seconds of the day seldom are."""
-    seconds = SECONDS["d"] * step
+    seconds = DAY * step
     return 5 < seconds < 900 and abs(seconds - 10 * round(seconds / 10)) < 1e-3 * seconds
 
 

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from ..base.names import nearest
 from ..base.samples import numbered
+from ..base.units import TIMES, seconds_in
 from ..errors import DataError, SpecError
 from ..files.mat_files import Opaque, load_mat
-from .columns import SECONDS, Columns, Told, from_arrays
+from .columns import Columns, Told, from_arrays
 
 __all__ = ["open_mat"]
 
@@ -86,9 +87,9 @@ def _open_iddata(fields: Fields, experiment: int, label: str) -> Columns:
     if _word(fields, "Domain", "time", label).startswith("freq"):
         raise DataError(f"{label} is in the frequency domain; export the record in time that it was made of")
     unit = _word(fields, "TimeUnit", "seconds", label)
-    if unit not in SECONDS:
-        raise DataError(f"{label}: the unit of time {unit!r} is unknown; {nearest(unit, list(SECONDS))}")
-    scale = SECONDS[unit]
+    scale = seconds_in(unit)
+    if scale is None:
+        raise DataError(f"{label}: the unit of time {unit!r} is unknown; {nearest(unit, list(TIMES))}")
     y = _samples(fields, ("OutputData", "y"), experiment, label)
     u = _samples(fields, ("InputData", "u"), experiment, label)
     if not len(y):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -120,7 +121,11 @@ def _open_parquet(path: Path) -> Columns:
             raise _damaged(path, problem) from None
         return {name: numeric(values, name, path.name) for name, values in arrays.items()}
 
-    return Columns(path.name, tuple(schema.names), load, told=told_of_frame(attrs, schema.names))
+    told = told_of_frame(attrs, schema.names)
+    kinds = zip(schema.names, map(str, schema.types), strict=True)
+    dates = {name: "s" for name, kind in kinds if kind.startswith(("timestamp", "date", "duration"))}
+    told = replace(told, units=dates | dict(told.units))
+    return Columns(path.name, tuple(schema.names), load, told=told)
 
 
 def _open_feather(path: Path) -> Columns:

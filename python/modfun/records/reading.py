@@ -18,9 +18,10 @@ from ..base.arrays import F64
 from ..base.names import listed, nearest
 from ..base.samples import EVEN, Origin, even_step
 from ..base.tables import Table
+from ..base.units import TIMES, seconds_in
 from ..errors import DataError, ModfunWarning, SpecError
 from .columns import (
-    SECONDS,
+    DAY,
     Columns,
     Told,
     are_serial,
@@ -31,6 +32,7 @@ from .columns import (
     since_1970,
     time_candidates,
     unit_of,
+    unit_of_times,
 )  # fmt: skip
 from .mask import Mask, mask_of
 from .opening import open_columns
@@ -96,8 +98,8 @@ def read(
         them itself: an exported iddata, what `Record.to_pandas` and `Record.to_xarray` made.
     time : str, optional
         Column of times, increasing. It is converted to seconds where its name says the unit, as in
-        ``TIME [ms]`` or ``t_ms``. Default: the one column named t or time (with or without a unit), unless
-        `dt` is given.
+        ``TIME [ms]``, ``t_ms`` or ``Zeit/min``; an unknown unit in brackets is refused.
+        Default: the one column named t or time (with or without a unit), unless `dt` is given.
     keep : str, sequence of str or mapping, optional
         Further columns to carry along, such as an event marker for `Record.split`.
     dt : float, optional
@@ -235,6 +237,8 @@ def read(
     )
     if isinstance(source, str | os.PathLike):
         record = record._like(source=_origin(Path(source)))
+    if clock is not None and unit_of_times(clock, told):
+        record = record._like(_timed=True)
     if texts := {new: told.functions[name] for new, name in into.items() if name in told.functions}:
         record = record._like(_functions=texts)
     if clock is not None and record.dt is not None and record.dt == told.dt and record._lost is None:
@@ -294,8 +298,7 @@ def columns(
         low, high = (float(good.min()), float(good.max())) if good.size else (None, None)
         note = "empty" if low is None else "constant" if low == high else _told_role(name, table.told)
         if name in times:
-            instants, even = _seconds(values, name, table.told)
-            note = f"time, {pace(np.asarray(instants if even is None else even * np.arange(count)))}"
+            note = f"time, {_paced(values, name, table.told)}"
             if (doubt := doubtful_step(values, name, table.told)) is not None:
                 note += f"; or in {doubt[1]}?"
         rows.append((name, unit_of(name, table.told), low, high, len(values) - good.size, note))
@@ -304,6 +307,15 @@ def columns(
     return Table(
         dict(zip(header, zip(*rows, strict=True), strict=True)), title=f"{table.label}: {count} rows{step}"
     )
+
+
+def _paced(values: F64, name: str, told: Told) -> str:
+    """Say how even a column of times is, or that its unit is not known."""
+    try:
+        instants, even = _seconds(values, name, told)
+    except SpecError:
+        return f"in an unknown unit; give units={{{name!r}: 's'}} or the like"
+    return pace(np.asarray(instants if even is None else even * np.arange(len(values))))
 
 
 def _told_role(name: str, told: Told) -> str:
@@ -394,8 +406,8 @@ def _clock_in(
 def _timed(table: Columns, clock: str, given: str) -> Columns:
     """Return the columns with the unit of the times that the user says."""
     unit = str(given).strip()
-    if unit.lower() not in SECONDS:
-        raise SpecError(f"read: units gives {unit!r} for the times {clock!r}; {nearest(unit, list(SECONDS))}")
+    if seconds_in(unit) is None:
+        raise SpecError(f"read: units gives {unit!r} for the times {clock!r}; {nearest(unit, list(TIMES))}")
     return replace(table, told=replace(table.told, units={**table.told.units, clock: unit}))
 
 
@@ -420,7 +432,7 @@ def _seconds(values: F64, clock: str, told: Told) -> tuple[F64, float | None]:
     Serial dates of spreadsheets and seconds since 1970 are counted from the first one, as other dates are.
     """
     scale = seconds_of(clock, told)
-    dates = scale == SECONDS["d"] and are_serial(values)
+    dates = scale == DAY and are_serial(values)
     dates |= clock != "t" and told.time is None and since_1970(scale * values)
     if scale == 1 and not dates:
         return values, None
@@ -437,7 +449,7 @@ def _refuse_other_step(table: Columns, dt: float, used: Sequence[str]) -> None:
             continue
         try:
             times = table.load([name])[name] * seconds_of(name, table.told)
-        except DataError:  # text
+        except (DataError, SpecError):  # text, or an unknown unit
             continue
         steps = np.diff(times)
         if not steps.size or not np.all(steps >= 0):  # nan too

@@ -41,8 +41,8 @@ class Samples(Elsewhere):
     _elsewhere = RECORD
 
     __slots__ = (
-        "_functions", "_keep", "_lost", "_seen", "_units", "dt", "inputs", "intersample", "mask", "outputs",
-        "sigma", "source", "t", "u", "y",
+        "_functions", "_keep", "_lost", "_seen", "_timed", "_units", "dt", "inputs", "intersample", "mask",
+        "outputs", "sigma", "source", "t", "u", "y",
     )  # fmt: skip
 
     y: F64
@@ -58,6 +58,7 @@ class Samples(Elsewhere):
     _functions: dict[str, Any]  # text or functions of t, by channel; of inputs and kept channels
     _units: dict[str, str]
     _keep: dict[str, F64]
+    _timed: bool  # a source said the unit of the times
     _lost: Mask | None  # rows that the times lacked
     _seen: dict[str, str]  # what samples look like that decided on intersample, by input
 
@@ -489,10 +490,7 @@ class Samples(Elsewhere):
 
 def _restore(kind: type[Own], fields: dict[str, Any]) -> Own:
     made = object.__new__(kind)
-    of_old: dict[str, Any] = {
-        "_seen": {},
-        "_lost": None,
-        "_functions": {},
-    }  # their pickles have all words declared
+    # Their pickles have all words declared.
+    of_old: dict[str, Any] = {"_seen": {}, "_lost": None, "_functions": {}, "_timed": False}
     made._set(**{**of_old, **fields})
     return made

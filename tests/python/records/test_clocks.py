@@ -70,3 +70,52 @@ def test_uneven_rows_are_resampled_as_the_message_says(tmp_path):
     even = eval(second, {"mf": mf, "np": np, "rec": rec, "t": eval(first, {"np": np, "rec": rec})})
     assert even.dt == pytest.approx(0.1335, rel=0.01)
     assert mf.fit(even, LAGGED)["delay"] == pytest.approx(0.3, abs=0.03)
+
+
+UNITS = {
+    "t [mins]": 60, "t[hr]": 3600, "Zeit [Std]": 3600, "Zeit (Minuten)": 60, "Time [minutes]": 60,
+    "Time (hours)": 3600, "Zeit/min": 60, "elapsed_minutes": 60, "Zeit [Sek.]": 1, "t (msec)": 1e-3,
+    "Zeit in Stunden": 3600, "Time, s": 1, "Minutes": 60, "t [weeks]": 604800, "Time (UTC)": 1,
+    "time tag": 1, "t_d": 1, "t_std": 1,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", UNITS)
+def test_units_of_time_in_other_spellings(name):
+    """They were taken as seconds in silence."""
+    t = 0.5 * np.arange(40)
+    assert mf.read({name: t, "y": np.sin(t)}, time=name, outputs="y").dt == pytest.approx(0.5 * UNITS[name])
+
+
+def test_columns_tell_the_step_in_seconds():
+    t = 0.5 * np.arange(40)
+    assert mf.columns({"Zeit/min": t, "y": t})["note"][0] == "time, even, dt = 30 s"
+
+
+def test_an_unknown_unit_of_time_is_refused():
+    t = 0.5 * np.arange(40)
+    source = {"t (foo)": t, "y": np.sin(t)}
+    with pytest.raises(mf.SpecError, match=r"'t \(foo\)' are in 'foo'.*units=\{'t \(foo\)': 's'\}"):
+        mf.read(source, outputs="y")
+    note = mf.columns(source)["note"][0]
+    assert note == "time, in an unknown unit; give units={'t (foo)': 's'} or the like"
+    assert mf.read(source, outputs="y", units={"t": "s"}).dt == 0.5
+    assert mf.read(source, outputs="y", dt=0.1).dt == 0.1
+
+
+@pytest.mark.parametrize("kind", ["csv", "frame", "text", "parquet"])
+def test_dates_are_in_seconds_whatever_stands_in_brackets(tmp_path, kind):
+    """Neither their unit nor the size of their steps is in doubt."""
+    pandas = pytest.importorskip("pandas")
+    at = pandas.date_range("2026-03-01 08:00", periods=40, freq="2s")
+    frame = pandas.DataFrame({"Time (local)": at, "y": np.sin(np.arange(40.0))})
+    source = frame.astype({"Time (local)": str}) if kind == "text" else frame
+    if kind == "csv":
+        frame.to_csv(source := tmp_path / "run.csv", index=False)
+    if kind == "parquet":
+        pytest.importorskip("pyarrow")
+        frame.to_parquet(source := tmp_path / "run.parquet")
+    rec = mf.read(source, outputs="y")
+    assert rec.dt == 2
+    assert not any("milliseconds" in sentence for sentence in rec.check())
+    assert not any("milliseconds" in sentence for sentence in rec.window(0, 60).check())
