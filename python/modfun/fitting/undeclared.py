@@ -18,7 +18,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.forms import agreed
 from ..records.record import Record
-from ..results.cures import bic_beside, furthest, on_band
+from ..results.cures import bic_beside, furthest, on_band, realigned
 from ..results.diagnosis import growth
 from ..results.feedback import feedback
 from ..results.fit import Fit
@@ -225,6 +225,8 @@ def _asked(
             bar = POSITIVE
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
             gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
+        if motion and gain > bar:
+            bar += sum(_out_of_time(fit, which.name) for fit in fits)
         why = OPEN if walk and abs(gain) < STRONG and _apart(fits, others) else BY_FIT
         if gain > bar:
             found = changed | {which: Word(changed[which].word, why)}
@@ -298,6 +300,12 @@ def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:
 def _contradicted(fit: Fit) -> bool:
     """Whether another reading is worth a fit: those of equations take long, so that residuals decide."""
     return fit.layout.rational or suspicious(fit)
+
+
+def _out_of_time(fit: Fit, name: str) -> float:
+    """What another channel at its own time would lower BIC by: half a sample of delay makes up for some."""
+    found = realigned(fit)
+    return max(found.before - found.after, 0.0) if found and found.shift.channel != name else 0.0
 
 
 def _fed_back(fit: Fit) -> bool:

@@ -89,6 +89,18 @@ def test_a_channel_recorded_late_is_named_and_its_cure_works(model, channel, lat
         assert off(better) < min(4, off(fit))
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_surface_that_nobody_declared_stays_smooth_where_a_rate_is_late(seed):
+    rec = flown(seed, nsr=0.05, q=1)
+    rec = mf.Record(y={name: rec[name] for name in rec.outputs}, u={"de": rec["de"]}, dt=rec.dt)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        fit = mf.fit(rec, SHORT)
+    assert fit.intersample == ("smooth",)  # half a sample of delay would make up for part of the rate's
+    late = re.match(r"fit: q seems to be recorded ([\d.]+) ± ([\d.]+) s", str(said[0].message))
+    assert abs(float(late[1]) - rec.dt) < 4 * float(late[2])
+
+
 def test_derivatives_are_far_off_where_nothing_else_shows():
     """The residuals of a late vane at 10 % noise are those of noise, and yet the shift is seen."""
     rec = flown(2, nsr=0.1, dt=0.04, alpha=1)
