@@ -18,6 +18,7 @@ from .doubts import (
     condition,
     contradicted,
     few_samples,
+    in_degrees,
     in_hertz,
     in_two_units,
     minima,
@@ -70,7 +71,8 @@ def _failed(fit: Estimates) -> str:
     """Why there is no estimate."""
     with np.errstate(all="ignore"):
         doubt = (
-            unlike_records(fit)
+            in_degrees(fit)
+            or unlike_records(fit)
             or in_other_units(fit)
             or contradicted_numbers(fit)
             or runaway(fit)
@@ -131,10 +133,10 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends, on_bound,
-    misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units, contradicted_numbers,
-    missing_input, late_channel, unexplained, one_cause, fed_back, unsettled, unstable, condition,
-    undeclared,
+    in_degrees, unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends,
+    on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
+    contradicted_numbers, missing_input, late_channel, unexplained, one_cause, fed_back, unsettled,
+    unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -159,6 +161,7 @@ def check(fit: Estimates, line: str) -> Findings:
         found = list(said.values())
         note = noise_free(fit)
         first = (
+            in_degrees,
             stored_late,
             unlike_records,
             one_record,
