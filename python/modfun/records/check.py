@@ -12,7 +12,7 @@ from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import angle_of
-from .dead_band import FROZEN, dead_band, dropouts, frozen
+from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
 from .joints import joints
 from .mask import runs
 from .samples import Samples
@@ -299,7 +299,7 @@ def _codes(record: Samples, name: str) -> Iterator[str]:
             continue
         span = float(np.ptp(others))
         if span > 0 and np.abs(others - extreme).min() > 10 * span:
-            cure = f"leave them out, rec.weigh(mask=rec[{name!r}] != {extreme:g})"
+            cure = _without(record, name, f"rec[{name!r}] != {extreme:g}")
             yield (
                 f"{_kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
                 f"others ({others.min():.4g} to {others.max():.4g}); if that is a code for missing values, "
@@ -325,7 +325,7 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         starts, lengths = runs(there)
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
-            cure = f" If so, leave them out, rec.weigh(mask=rec[{name!r}] != {extreme!r})."
+            cure = f" If so, {_without(record, name, f'rec[{name!r}] != {extreme!r}')}."
             yield (
                 f"{_kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
                 f"its {end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
@@ -363,11 +363,13 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     found = frozen(record[name])
     if found is None:
         return
-    first, last = found[0] + 1, found[0] + found[1] - 1
+    first, last = found[0], found[0] + found[1] - 1
+    if not off_line(record[name], first):  # one was measured, and repeated
+        first += 1
     if np.count_nonzero(record._good(name)[found[0] : last + 1]) < FROZEN:
         return
     moving = f"(rec.t < {record.t[first]:.6g}) | (rec.t > {record.t[last]:.6g})"
-    cure = f"leave them out, rec.weigh(mask={moving})" if name in record.outputs else "fill them in"
+    cure = _without(record, name, moving) if name in record.outputs else "fill them in"
     yield (
         f"{_kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
         f"on are equal, and others hardly ever are. First {cure}."
@@ -381,7 +383,7 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
         return
     starts, lengths, zeros = found
     kept = f"rec[{name!r}] != 0" if zeros else f"np.r_[True, np.diff(rec[{name!r}]) != 0]"
-    cure = f"leave them out, rec.weigh(mask={kept})"
+    cure = _without(record, name, kept)
     if name in record.inputs:
         still = zeros and np.count_nonzero(record[name] == 0) > lengths.sum()  # at rest, too
         cure = "fill them in from the samples beside them"
@@ -392,6 +394,11 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
         f"{_kind(record, name)} {name!r} drops out {starts.size} times: {int((lengths - (not zeros)).sum())} "
         f"samples, from t = {_first_times(record, starts)} s on, are {what}. First {cure}."
     )
+
+
+def _without(record: Samples, name: str, good: str) -> str:
+    """Say how to leave samples of one output out."""
+    return f"leave them out, rec.weigh(mask={good if len(record.outputs) == 1 else f'{{{name!r}: {good}}}'})"
 
 
 def _first_times(record: Samples, places: NDArray[np.intp]) -> str:

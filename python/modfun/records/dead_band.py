@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from .mask import runs
 
-__all__ = ["FROZEN", "dead_band", "dropouts", "frozen"]
+__all__ = ["FROZEN", "dead_band", "dropouts", "frozen", "off_line"]
 
 REPEATED = 0.3  # of the samples, at least
 CHANGES = 10  # at least
@@ -19,6 +19,7 @@ SHORT = 10  # equal samples, at most, of a dropout
 SEVERAL = 2  # dropouts, at least
 MANY = 0.1  # of the samples repeat the one before: of more, rest and coarse steps are likelier
 CHANCE = 1e-4  # repeats that rounding explains
+LEAP = 5.0  # usual second differences: into a channel that stands still elsewhere than where it was
 JUMP = 10.0  # usual second differences: into a dropout of one value and out of it
 GRID = 0.02  # of the least change: how near changes are to its multiples where values are rounded
 
@@ -56,6 +57,25 @@ def frozen(values: F64) -> tuple[int, int] | None:
     return (int(starts[at]), int(lengths[at]) + 1) if lengths[at] + 1 >= FROZEN and others < RARELY else None
 
 
+def off_line(values: F64, at: int) -> bool:
+    """Whether a sample is far off the line through the two before it, or off the only one."""
+    bends = np.diff(values, 2)
+    usual = 1.4826 * float(np.median(np.abs(bends))) + 1e-9 * float(np.ptp(values))
+    return bool(abs(bends[at - 2] if at > 1 else values[1] - values[0]) > LEAP * usual)
+
+
+def _peaks(values: F64, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which runs of equal samples are the top or bottom of a curve: both sides leave it alike.
+
+    The samples beside a peak between two equal ones are equal, too, to a step or two of the resolution.
+    """
+    before, after = values[starts - 1], values[starts + lengths]
+    turns = (before - values[starts]) * (after - values[starts]) > 0
+    fine = 2 * float(np.diff(np.unique(values)).min()) + 1e-9 * float(np.ptp(values))
+    found: NDArray[np.bool_] = turns & (np.abs(after - before) <= fine)
+    return found
+
+
 def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp], bool] | None:
     """First sample and number of each run of equal ones that is no chance, and whether all are zeros.
 
@@ -69,6 +89,8 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
     starts, lengths = starts[inside], lengths[inside] + 1
     rests, short = bool((lengths > SHORT).any()), lengths <= SHORT
     starts, lengths = starts[short], lengths[short]
+    curved = _peaks(values, starts, lengths) & (values[starts] != 0)
+    starts, lengths = starts[~curved], lengths[~curved]
     if starts.size < SEVERAL:
         return None
     usual = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) + 1e-9 * float(np.ptp(values))

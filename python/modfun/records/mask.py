@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import F64
+from ..base.names import nearest
 from ..base.samples import FEWEST, channels_of, floats
-from ..errors import DataError
+from ..errors import DataError, SpecError
 
 __all__ = [
-    "Mask", "filled", "mask_of", "refuse_own_noise", "refuse_scarce", "runs", "sample_weights", "scarce",
-    "sigma_of",
+    "Mask", "filled", "mask_of", "refuse_own_noise", "refuse_scarce", "rows_of", "runs", "sample_weights",
+    "scarce", "sigma_of",
 ]  # fmt: skip
 
 Mask = NDArray[np.bool_]
@@ -33,6 +34,20 @@ def mask_of(given: ArrayLike | None, shape: tuple[int, int], axis: int = -1) -> 
         )
     mask: Mask = flags == 1.0
     return None if mask.all() else mask
+
+
+def rows_of(given: Any, outputs: Sequence[str], count: int) -> Any:
+    """Return what is given by output as rows (output, time) of ones elsewhere; other things as they are."""
+    if not isinstance(given, Mapping):
+        return given
+    rows = np.ones((len(outputs), count))
+    for name, values in given.items():
+        if name not in outputs:
+            raise SpecError(f"weigh: {name!r} is no output; {nearest(str(name), outputs)}")
+        rows[list(outputs).index(name)] = _per_output(values, f"what is given for {name!r}", (1, count), -1)[
+            0
+        ]
+    return rows
 
 
 def sigma_of(

@@ -28,7 +28,7 @@ from ..base.samples import (
 from ..errors import DataError, ModfunWarning, SpecError
 from .cutting import SLACK, pieces_between, pieces_every, pieces_on
 from .functions import known, sampled, shown, warn_of_others
-from .mask import Mask, filled, mask_of, refuse_scarce, scarce, sigma_of
+from .mask import Mask, filled, mask_of, refuse_scarce, rows_of, scarce, sigma_of
 
 __all__ = ["Samples"]
 
@@ -416,13 +416,16 @@ class Samples(Elsewhere):
             told = f"assign({name}=...): the function raised {type(error).__name__}: {error}"
             raise DataError(told) from error
 
-    def weigh(self, mask: ArrayLike | None = None, sigma: ArrayLike | None = None) -> Self:
+    def weigh(
+        self, mask: ArrayLike | Mapping[str, ArrayLike] | None = None, sigma: ArrayLike | None = None
+    ) -> Self:
         """Return a record with samples of its outputs left out, or trusted less.
 
         Parameters
         ----------
-        mask, sigma : array_like, shape (time,) or (output, time), optional
-            As in `Record`. Samples already masked stay so; None leaves things as they are.
+        mask, sigma : array_like, shape (time,) or (output, time), or mapping, optional
+            As in `Record`; a mask also as ``{output: mask of it}``. Samples already masked stay so; None
+            leaves things as they are.
 
         Examples
         --------
@@ -430,7 +433,7 @@ class Samples(Elsewhere):
         >>> rec.weigh(mask=rec["q"] < 50)["q"][4]
         np.float64(4.0)
         """
-        more = mask_of(mask, self.y.shape)
+        more = mask_of(rows_of(mask, self.outputs, len(self.t)), self.y.shape)
         good = more if self.mask is None else self.mask if more is None else self.mask & more
         refuse_scarce(good, self.outputs, "weigh")
         weights = self.sigma if sigma is None else sigma_of(sigma, good, self.t, self.y.shape)

@@ -138,6 +138,15 @@ def test_weigh_masks_more_and_unmasks_nothing(rec):
         rec.weigh(mask=T > 99)
 
 
+def test_weigh_of_one_output_leaves_the_others(rec):
+    one = rec.weigh(mask={"q": T < 9})
+    assert np.array_equal(one.mask, OK & np.array([T < 9, T < 99]))
+    with pytest.raises(SpecError, match="weigh: 'de' is no output; "):
+        rec.weigh(mask={"de": T < 9})
+    with pytest.raises(DataError, match=r"what is given for 'q' has shape \(3,\)"):
+        rec.weigh(mask={"q": [1, 0, 1]})
+
+
 # What it says ------------------------------------------------------------------------------------
 
 

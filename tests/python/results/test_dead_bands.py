@@ -69,14 +69,44 @@ def test_a_frozen_vane_is_named_and_leaving_it_out_cures():
         alpha[110:122] = alpha[110]
         text = flights.warned(rec.assign(alpha=alpha), flights.SHORT)[1]
         assert "Output 'alpha' is frozen: 12 samples from t = 2.2 s on are equal" in text
-        assert "First leave them out, rec.weigh(mask=(rec.t < 2.22) | (rec.t > 2.42))." in text
+        assert "First leave them out, rec.weigh(mask={'alpha': (rec.t < 2.22) | (rec.t > 2.42)})." in text
         assert any("is frozen" in said for said in rec.assign(alpha=alpha).check())
-        left_out = rec.assign(alpha=alpha).weigh(mask=(rec.t < 2.21) | (rec.t > 2.43))
+        left_out = rec.assign(alpha=alpha).weigh(mask={"alpha": (rec.t < 2.22) | (rec.t > 2.42)})
         cured, silent = flights.warned(left_out, flights.SHORT)
         assert silent == ""
         truth = np.array(list(flights.TRUTH.values()))
         assert np.all(np.abs(cured.params - truth) < 4.5 * cured.bse)
         assert "frozen" not in str(cured.check())
+
+
+def test_of_a_vane_that_is_stuck_elsewhere_the_first_sample_goes_too():
+    """It was left in, and all outputs were masked beside it."""
+    rec = flights.flown(0)
+    alpha = rec["alpha"].copy()
+    alpha[110:122] = 0.0
+    assert abs(alpha[109]) > 0.01
+    stuck = rec.assign(alpha=alpha)
+    (text,) = [one for one in stuck.check() if "is frozen" in one]
+    code = text.split("First leave them out, ")[1].removesuffix(".")
+    cured = eval(code, {"rec": stuck})
+    assert np.flatnonzero(~cured.mask[0]).tolist() == list(range(110, 122))
+    assert cured.mask[1].all()
+    assert not any("frozen" in one for one in cured.check())
+
+
+@pytest.mark.parametrize("digits", [None, 5, 3])
+@pytest.mark.parametrize(("hertz", "dt"), [(2, 0.002), (1, 0.01), (5, 0.002), (3, 0.001), (0.5, 0.02)])
+@pytest.mark.parametrize("shape", ["sine", "triangle"])
+def test_peaks_between_two_samples_are_no_dropouts(shape: str, hertz: float, dt: float, digits: int) -> None:
+    """Samples beside the peak are equal: they were counted as dropouts in all of these sines."""
+    for late in (0.0, 0.5, 0.23):
+        t = dt * (np.arange(round(5 / hertz / dt)) + late)
+        u = 2 * np.sin(2 * np.pi * hertz * t)
+        u = u if shape == "sine" else np.arcsin(u / 2)
+        u = u if digits is None else np.round(u, digits)
+        y = np.random.default_rng(0).standard_normal(u.size)
+        rec = mf.Record(y=y, u=u, dt=dt, intersample="smooth")
+        assert not any("drops out" in one for one in rec.check())
 
 
 def test_rest_rounding_and_clean_records_are_not_frozen():
