@@ -10,6 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -17,12 +18,14 @@ import numpy as np
 from .._core import count_errors
 from ..base.arrays import F64, I64
 from ..base.student import student_factor
-from ..errors import ModfunWarning
+from ..errors import ModfunWarning, SpecError
 from ..fitting.fit import Estimator, fit_many
 from ..fitting.single import fit_whole
+from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.many import FitMany
+from ..systems.lti import LTI
 from .contenders import Contender
 from .functions import Failed, attempt, generator, number, parameters
 from .generated import Generated
@@ -120,6 +123,7 @@ class _Cell:
         self.texts: list[tuple[int, str]] = []
         self.seconds = 0.0
         self._waiting: list[tuple[int, Record]] = []
+        self._taken: Any = None  # structure of fits that were seen to be the system's
 
     def fail(self, row: int, text: str) -> None:
         """There is no estimate."""
@@ -142,6 +146,7 @@ class _Cell:
         self.theta[row] = parameters(answer, self.names, self.contender.name)
         if isinstance(answer, Fit):
             self.status[row] = STATUS.index(answer.status)
+            self._refuse_another(answer)
             self.fits, self.iterations = self.fits + 1, self.iterations + answer.nit
             # It may have more parameters, in another order.
             own = [answer.param_names.index(name) for name in self.names]
@@ -149,8 +154,30 @@ class _Cell:
             self._cover(np.array([row]), answer.bse[None, own], degrees[own])
         if not np.all(np.isfinite(self.theta[row])) and self.status[row] < USED:
             self.status[row] = STATUS.index("nonfinite")
+            if not isinstance(answer, Fit):
+                theirs = zip(self.names, self.theta[row].tolist(), strict=True)
+                given = ", ".join(f"{name} = {value:g}" for name, value in theirs if not isfinite(value))
+                self.texts.append((row, f"returned {given}"))
         if self.status[row] < USED:
             self._measure(row, answer, rec)
+
+    def _refuse_another(self, fit: Fit) -> None:
+        """Refuse transfer functions whose parameters share names with those of the study, and no more."""
+        structure = fit.structure
+        if structure == self._taken or not isinstance(self.group, Group):
+            return
+        if isinstance(structure, TransferFunction) and isinstance(self.group.system, LTI):
+            theirs = dict(zip(self.group.names(structure), self.group.truth(structure), strict=True))
+            own = zip(self.names, self.truth, strict=True)
+            other = [name for name, true in own if isfinite(true) and theirs.get(name) != true]
+            if other:
+                raise SpecError(
+                    f"MonteCarlo: the estimator {self.contender.name!r} returned a fit of {structure}, which "
+                    f"is not the system's structure: its {other[0]} is another parameter, with no true value "
+                    f"in the study. Give it as mf.Estimator({structure}), return a dict with names of your "
+                    "own beside model=, or count what you want as a metric"
+                )
+        self._taken = structure
 
     def _measure(self, row: int, answer: Any, rec: Record) -> None:
         for k, (name, call) in enumerate(self.plan.metrics):

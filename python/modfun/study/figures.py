@@ -29,7 +29,7 @@ from .contenders import Contender
 from .groups import Group
 from .metrics import Metric, Metrics
 from .plan import Plan
-from .tally import STATUS, USED, Tally
+from .tally import STATUS, TEXTS, USED, Tally, share_mcse
 
 __all__ = ["Figures"]
 
@@ -337,9 +337,13 @@ def _metrics(plan: Plan, tally: Tally, samples: F64 | None, axes: dict[str, tupl
         column = len(plan.parameters) + k
         values = {n: _shaped(v[..., column], given) for n, v in zero.items()}
         count = tally.moments[..., column, 0].astype(np.int64)
+        mean, spread = values["bias"], values["sd"]
+        alike = (spread == 0) & ((mean == 0) | (mean == 1))  # a share, of which others would have shown
         found[name] = Metric(
-            mean=values["bias"],
-            mean_mcse=values["bias_mcse"],
+            mean=mean,
+            mean_mcse=np.where(
+                alike, share_mcse(np.where(alike, mean, 0.5), _shaped(count, given)), values["bias_mcse"]
+            ),
             **{n: values[n] for n in ("sd", "sd_mcse")},
             count=_shaped(count, given),
             failures=_shaped(used - count, given),
@@ -360,6 +364,5 @@ def _messages(plan: Plan, tally: Tally) -> Table:
         columns["estimator"].append(plan.contenders[one["estimator"]].name)
         columns["replicate"].append(one["replicate"])
         columns["text"].append(one["text"])
-    count = int(tally.status[..., STATUS.index("raised")].sum())
-    first = f", the first {len(tally.raised)} are" if count > len(tally.raised) else ""
-    return Table(columns, title=f"{count} estimates failed with an exception{first}")
+    first = f", the first {TEXTS}" if len(tally.raised) == TEXTS else ""
+    return Table(columns, title=f"What failed of estimates and metrics{first}")

@@ -19,7 +19,7 @@ from ..errors import SpecError
 from ..records.record import Record
 from ..results.fit import Fit
 
-__all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "series"]
+__all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "refuse_unlike", "series"]
 
 PURPOSES = ("estimator", "noise", "initial_state", "generate")
 LONGEST = 2000  # characters kept of one exception
@@ -33,6 +33,21 @@ def generator(purpose: str, seed: int, replicate: int, group: int) -> np.random.
     """Random numbers addressed by what they are for, seed, replicate and group."""
     bits = np.random.Philox(key=[seed, group], counter=[0, 0, replicate, PURPOSES.index(purpose)])
     return np.random.Generator(bits)
+
+
+def refuse_unlike(what: str, one: F64, two: F64) -> None:
+    """Refuse a function that returned other numbers for the same replicate the second time.
+
+    Raises
+    ------
+    SpecError
+    """
+    if not np.array_equal(one, two, equal_nan=True):
+        raise SpecError(
+            f"MonteCarlo: {what} called again for the same replicate returned other numbers, so that no "
+            "replicate could be made again; draw from rng, the generator it is given, as "
+            "rng.standard_normal(n), and from no other"
+        )
 
 
 def attempt(what: str, call: Callable[..., Any], *given: Any) -> Any:

@@ -17,7 +17,7 @@ from ..errors import ModfunWarning, SpecError
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .axes import Axis
-from .functions import Failed, attempt, generator, record
+from .functions import Failed, attempt, generator, record, refuse_unlike
 
 __all__ = ["Generated", "cells", "grid_axes"]
 
@@ -142,12 +142,22 @@ def _first(generate: Any, cell: dict[str, Any], seed: int, index: int) -> Record
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ModfunWarning)
         for replicate in range(TRIES):
-            rng = generator("generate", seed, replicate, index)
             try:
-                return record(attempt("generate", generate, dict(cell), rng), None)
+                one, two = (
+                    record(
+                        attempt(
+                            "generate", generate, dict(cell), generator("generate", seed, replicate, index)
+                        ),
+                        None,
+                    )
+                    for _ in range(2)
+                )
             except Failed as failed:
                 said = said or str(failed)
                 cause = failed.__cause__
+                continue
+            refuse_unlike("generate", one.y, two.y)
+            return one
     raise SpecError(
         f"MonteCarlo: the first {TRIES} replicates of the cell {cell} failed, the first with {said}; a study "
         "needs one record of each cell to begin with"

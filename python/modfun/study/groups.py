@@ -22,7 +22,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..systems.lti import LTI
 from .axes import Axis
-from .functions import Failed, attempt, generator, series
+from .functions import Failed, attempt, generator, refuse_unlike, series
 
 __all__ = ["Group", "groups"]
 
@@ -182,7 +182,14 @@ class Group:
 
         It counts where the mean square is `SURELY` standard errors, by its scatter between replicates, and
         `FAR` from 1: noise with heavy tails, or that goes with the signal, has no level that is known well.
+
+        Raises
+        ------
+        SpecError
+            Functions draw otherwise when they are called again.
         """
+        if self.state is not None or self.noise is not None:
+            self._refuse_other_numbers(seed)
         if self.noise is None:
             return self
         try:
@@ -192,6 +199,17 @@ class Group:
         mean, error = float(np.mean(squares)), float(np.std(squares, ddof=1)) / HEARD**0.5
         sd = mean**0.5
         return replace(self, noise_sd=sd) if abs(mean - 1) > SURELY * error and abs(sd - 1) > FAR else self
+
+    def _refuse_other_numbers(self, seed: int) -> None:
+        """Refuse functions that draw from elsewhere than the generator they are given."""
+        try:
+            one, two = (self.clean(seed, 0) for _ in range(2))
+            noises = [self._drawn(seed, 0, one) for _ in range(2)] if self.noise is not None else []
+        except (Failed, SpecError):  # the replicates say so
+            return
+        refuse_unlike("initial_state", one, two)
+        if noises:
+            refuse_unlike("noise", *noises)
 
     @property
     def functions(self) -> dict[str, Any]:

@@ -22,7 +22,8 @@ class Metric:
     Attributes
     ----------
     mean, mean_mcse : ndarray
-        Standard error sd/√R over R values.
+        Standard error sd/√R over R values; that of a share, with half a case added on both sides, where all
+        are 0 or all are 1.
     sd, sd_mcse : ndarray
         Standard error √((m₄ − m₂²)/R)/2sd (delta method).
     count : ndarray of int

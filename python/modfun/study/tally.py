@@ -15,7 +15,7 @@ from .._core import merge_moments, quantiles
 from ..base.arrays import F64, I64
 from ..base.words import STATUS as ENDS
 
-__all__ = ["STATUS", "TEXTS", "USED", "Tally", "united"]
+__all__ = ["STATUS", "TEXTS", "USED", "Tally", "share_mcse", "united"]
 
 
 STATUS = (*ENDS, "raised")  # a function of the user may
@@ -126,7 +126,7 @@ class Tally:
                 "median": known * median,
                 "median_mcse": np.sqrt(np.pi / 2) * found["bias_mcse"],
                 "coverage": covered,
-                "coverage_mcse": _share_mcse(covered, self.intervals),
+                "coverage_mcse": share_mcse(covered, self.intervals),
             }
 
     @property
@@ -161,7 +161,7 @@ def united(one: tuple[I64, I64], two: tuple[I64, I64]) -> tuple[I64, I64]:
     return bins[first], np.add.reduceat(counts, first)
 
 
-def _share_mcse(share: F64, of: NDArray[np.int64]) -> F64:
+def share_mcse(share: F64, of: NDArray[np.int64]) -> F64:
     """Standard error of a share; half a case is added on both sides, so that it is not 0 at 0 and at 1."""
     middle = (share * of + 0.5) / (of + 1.0)
     return np.asarray(np.sqrt(middle * (1 - middle) / of), dtype=np.float64)

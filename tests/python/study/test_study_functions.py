@@ -326,7 +326,7 @@ def test_noise_that_fails_is_counted_for_all() -> None:
         "noise: 2 of 129 numbers are not finite",
         "noise: RuntimeError: too low",
     }
-    assert res.messages.title.endswith("the first 100 are")
+    assert res.messages.title.endswith("the first 100")
     bad = int(res.messages["replicate"][0])
     with pytest.raises(mf.DataError, match="has no record"):
         res.replicate(bad, nsr=0.1)
