@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from .._core import __version__
-from ..errors import SpecError
+from ..errors import DataError, SpecError
 from ..fitting import fit as estimation
 from ..pages.page import check_place
 from ..results.fit import Fit
@@ -235,16 +235,27 @@ def fit(
     usable = result.status in ("ok", "maxiter")
     # Files first: whoever reads what is printed, as head does, may close before the end.
     if plot is not None and usable:
-        _save(plot, lambda pyplot: result.plot(0))
+        try:
+            _save(plot, lambda pyplot: result.plot(0))
+        except DataError as overflow:  # of an unstable model
+            say(f"{plot} is not drawn; {overflow}")
     if report is not None:
         say(f"wrote {result.report(report, command=command_line(context))}")
     write_json(json_to, result.to_dict())
     if json_to != "-":
         print(result.summary())
         if usable:
-            print(f"\nSimulated against measured\n{result.score()}")
+            print(f"\nSimulated against measured\n{_scored(result)}")
     if not result.success:
         raise typer.Exit(1)
+
+
+def _scored(result: Any) -> object:
+    """The scores of a fit, or why an unstable one has none: it was made all the same."""
+    try:
+        return result.score()
+    except DataError as overflow:
+        return f"not scored; {overflow}"
 
 
 @app.command()

@@ -37,6 +37,7 @@ DECIMAL = re.compile(  # a point that cannot be a thousands mark, as in 0.5, 1.0
     r"\s*[+-]?(?:0?\.\d+|\d*\.\d{4,}|\d*\.\d+(?=[eE]))(?:[eE][+-]?\d+)?\s*"
 )
 LONG = re.compile(r"\s*[+-]?\d{4,}(?:,\d*)?\s*")  # a number that thousands marks would split
+SAMPLE = 20  # lines that show where a table begins
 LONGEST_UNIT = 12  # letters; more is a description
 UTF16 = (b"\xff\xfe", b"\xfe\xff")  # how a file of "Unicode text" begins
 SEPARATOR = re.compile(r"sep=([,;\t])")  # the first line that Excel writes and reads
@@ -218,10 +219,10 @@ class Delimited:
 def read_delimited(path: Path) -> Delimited:
     """Read a text file with columns separated by comma, semicolon, tab or blanks.
 
-    Empty lines and lines that begin with # or % are skipped. The first line names the columns, unless
-    it is all numbers: then the comment above it does if it has as many words, as numpy.savetxt writes it;
-    else they are ``column1``, ``column2``, ... A line below the header without a number in it holds the
-    units.
+    Empty lines and lines that begin with # or % are skipped, and so are lines of a title, of fewer fields
+    than the names of the columns below them. The first line names the columns, unless it is all numbers:
+    then the comment above it does if it has as many words, as numpy.savetxt writes it; else they are
+    ``column1``, ``column2``, ... A line below the header without a number in it holds the units.
 
     Raises
     ------
@@ -257,6 +258,7 @@ def of_lines(label: str, lines: list[str], sheet: bool = False) -> Delimited:
     kept = kept[1:] if separator else kept
     if not kept:
         raise DataError(f"{label} holds no data; it needs a line of column names and rows of numbers")
+    kept = kept[_above(lines, kept, separator[1] if separator else ";\t,") :]
     if _blanks_separate([lines[k] for k in kept[:2]]):
         for k in kept:
             lines[k] = "\t".join(lines[k].split())
@@ -283,7 +285,7 @@ def of_lines(label: str, lines: list[str], sheet: bool = False) -> Delimited:
     marks = len(names) - 1
     for k, row in enumerate(rows):  # counting marks is enough where nothing is quoted, and fast
         if row.count(delimiter) != marks and (count := len(_fields(row, delimiter))) != len(names):
-            _refuse_title(label, heading + 1, names, rows)
+            _refuse_title(label, heading + 1, names, rows, kept)
             raise DataError(
                 f"{label}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
                 "correct the line, or put # before it to skip it"
@@ -294,15 +296,41 @@ def of_lines(label: str, lines: list[str], sheet: bool = False) -> Delimited:
     return Delimited(label, names, delimiter, rows, [k + 1 for k in kept], units, sheet)
 
 
-def _refuse_title(label: str, line: int, names: Sequence[str], rows: Sequence[str]) -> None:
-    """Refuse a first line of fewer fields than all rows have."""
+def _above(lines: Sequence[str], kept: Sequence[int], marks: str) -> int:
+    """Number of lines of a title above the header: it alone has a text for each column of the rows below.
+
+    Lines of a title have fewer fields, or at most half of them filled, as spreadsheets write it.
+    """
+    for mark in marks:
+        counts = {len(_fields(lines[k], mark)) for k in kept[len(kept) // 2 :][:SAMPLE]}
+        if len(counts) > 1 or (count := counts.pop()) < 2:
+            continue
+        for at, k in enumerate(kept[:SAMPLE]):
+            fields = [field.strip() for field in _fields(lines[k], mark)]
+            filled = [field for field in fields if field]
+            if len(fields) == count and len(set(filled)) == count:
+                below = [
+                    _fields(lines[n], mark) for n in kept[at + 1 : at + 3]
+                ]  # units, perhaps, and numbers
+                told = any(2 * sum(_is_number(text, mark) for text in row) >= count for row in below)
+                return at if told and not any(_is_number(text, mark) for text in fields) else 0
+            if not fields[0] or len(fields) > count or (len(fields) == count and 2 * len(filled) > count):
+                return 0
+    return 0
+
+
+def _refuse_title(label: str, line: int, names: Sequence[str], rows: Sequence[str], kept: list[int]) -> None:
+    """Refuse first lines of fewer fields than all rows below have."""
     for mark in ";\t,":
-        counts = {len(_fields(row, mark)) for row in rows}
-        if len(counts) == 1 and (count := counts.pop()) > len(names):
+        counts = [len(_fields(row, mark)) for row in rows]
+        first = counts.index(counts[-1])
+        if len(set(counts[first:])) == 1 and counts[-1] > max(len(names), *counts[:first], 1):
             fields = f"{len(names)} field{'s' * (len(names) > 1)}"
+            titles = f"lines {line} to {kept[first]} if they are"
+            titles = titles if kept[first] > line else f"line {line} if it is"
             raise DataError(
-                f"{label}, line {line}: the header has {fields} where all rows have {count}; put # before "
-                f"line {line} if it is a title, else name every column in it"
+                f"{label}, line {line}: the header has {fields} where all rows have {counts[-1]}; put # "
+                f"before {titles} a title, else name every column in it"
             )
 
 
@@ -320,6 +348,13 @@ def _all_numbers(line: str, delimiter: str) -> bool:
     """Tell whether all fields are numbers, with decimal commas where another mark separates them."""
     texts = _fields(line, delimiter)
     return all(number(text if delimiter == "," else _with_points(text)) is not None for text in texts)
+
+
+def _is_number(text: str, delimiter: str) -> bool:
+    """Tell whether a field is a number and not a missing one."""
+    if text.strip().lower() in MISSING:
+        return False
+    return number(text if delimiter == "," else _with_points(text)) is not None
 
 
 def _blanks_separate(lines: Sequence[str]) -> bool:

@@ -44,9 +44,8 @@ def rows_of(given: Any, outputs: Sequence[str], count: int) -> Any:
     for name, values in given.items():
         if name not in outputs:
             raise SpecError(f"weigh: {name!r} is no output; {nearest(str(name), outputs)}")
-        rows[list(outputs).index(name)] = _per_output(values, f"what is given for {name!r}", (1, count), -1)[
-            0
-        ]
+        row = _per_output(values, f"what is given for {name!r}", (1, count), -1)
+        rows[list(outputs).index(name)] = row[0]
     return rows
 
 

@@ -106,9 +106,10 @@ def cancelling(fit: Estimates, theta: F64, cov: F64) -> float:
         return np.inf
     den, nums = fit.layout.polynomials(theta)
     ends = np.cumsum([fit.order, *(0 if d is None else d + 1 for d in degrees)])
-    poles = root_gradients(den, [None, *range(fit.order)], theta.size)
+    free = fit.layout.positions  # None of what is held
+    poles = root_gradients(den, [None, *free[: fit.order]], theta.size)
     paths = [
-        _nearest(poles, root_gradients(num, range(at, at + num.size), theta.size), cov)
+        _nearest(poles, root_gradients(num, free[at : at + num.size], theta.size), cov)
         for num, at, d in zip(nums, ends[:-1].tolist(), degrees, strict=True)
         if d is not None
     ]

@@ -506,3 +506,22 @@ def test_robust_and_stable_fits(tmp_path, capsys):
     assert found["robust"] != found["stable"]
     assert main(["fit", str(path), *FIT, "--robust", "--method", "ls"]) == 2
     assert "modfun: fit: --robust weights samples" in capsys.readouterr().err
+
+
+def test_an_unstable_fit_is_printed_without_a_score(tmp_path, capsys):
+    """It ended with 2 and one line about an overflow, as where input and output are swapped."""
+    t = 0.02 * np.arange(401)
+    u = np.random.default_rng(0).standard_normal(401)
+    y = np.zeros(401)
+    for k in range(400):
+        y[k + 1] = 0.9 * y[k] + 0.1 * u[k]
+    path = tmp_path / "run.csv"
+    np.savetxt(path, np.column_stack([t, y, u]), delimiter=",", header="t,q,de", comments="")
+    swapped = ["-y", "de", "-u", "q", "--poles", "2", "--param", "a1=-200", "--intersample", "smooth"]
+    picture = tmp_path / "fit.png"
+    assert main(["fit", str(path), *swapped, "--plot", str(picture)]) in (0, 1)
+    out, err = capsys.readouterr()
+    assert "parameter" in out
+    assert "not scored; simulating: the response overflows within 8 s" in out
+    assert "fit.png is not drawn; " in err
+    assert not picture.exists()

@@ -272,6 +272,7 @@ def test_columns_say_how_even_the_time_is():
 
 HOLE = [(t, "" if k in (3, 7) else q, d) for k, (t, q, d) in enumerate(zip(T, Q, DE, strict=True))]
 WORD = [(t, "open" if k == 5 else q, d) for k, (t, q, d) in enumerate(zip(T, Q, DE, strict=True))]
+ROWS = list(zip(T, Q, DE, strict=True))
 MIXED = [(0.0, 0.5, 0.0), (0.1, "0,5", 0.0)]
 COMMA = [(t, str(q).replace(".", ","), d) for t, q, d in zip(T, Q, DE, strict=True)]
 LONG = [(t, q, d, 1) if k == 4 else (t, q, d) for k, (t, q, d) in enumerate(zip(T, Q, DE, strict=True))]
@@ -304,17 +305,17 @@ FILES = {
         DataError,
         "line 2: column 'q' holds '0,5' .*decimal commas are read where another mark",
     ),
-    "title": (
-        text("Unit 7, run 3\nt,q,de"),
+    "no names": (
+        text("t,q"),
         {},
         DataError,
         "line 1: the header has 2 fields where all rows have 3; put # before line 1 if it is a title",
     ),
-    "title without marks": (
-        text("Unit 7\nt;q;de", ";", COMMA),
+    "titles and no names": (
+        text("Unit 7\nof, today"),
         {},
         DataError,
-        "line 1: the header has 1 field where all rows have 3; put # before line 1",
+        "line 1: the header has 1 field where all rows have 3; put # before lines 1 to 2 if they are a title",
     ),
     "row too long": (text(rows=LONG), {}, DataError, "line 6: 4 fields where the header has 3; correct"),
     "row too short": (text(rows=SHORT), {}, DataError, "line 6: 2 fields where the header has 3"),
@@ -340,6 +341,33 @@ def test_refused_files(file, case):
     content, options, error, words = FILES[case]
     with pytest.raises(error, match=words):
         read(file(content), **{"outputs": "q", "inputs": "de", **options})
+
+
+TITLES = {
+    "one": ("Unit 7, run 3\nt,q,de", ",", ROWS),
+    "without marks": ("Unit 7\nt;q;de", ";", COMMA),
+    "two": ("Trend export;Unit 7\nMade on;05.03.2024 10:00\n\nt;q;de\ns;deg;", ";", COMMA),
+    "padded": ("Trend export;;\nUnit 7;;\nt;q;de", ";", COMMA),
+}
+
+
+@pytest.mark.parametrize("case", TITLES)
+def test_lines_of_a_title_above_the_names_are_skipped(file, case):
+    """One was refused with advice, two with advice about the line of the names."""
+    head, mark, rows = TITLES[case]
+    named = read(
+        file(text(head.splitlines()[-2 if case == "two" else -1], mark, rows)), outputs="q", inputs="de"
+    )
+    rec = read(file(text(head, mark, rows)), outputs="q", inputs="de")
+    assert np.array_equal(rec.y, named.y)
+    assert np.array_equal(rec.t, named.t)
+    assert rec.units == ({"q": "deg"} if case == "two" else {})
+
+
+@pytest.mark.parametrize("head", [",q\ns,deg", "t,q\ns,deg"])
+def test_a_line_of_units_is_no_header(file, head):
+    table = columns(file(text(head, ",", [row[:2] for row in ROWS])))
+    assert table["column"].tolist()[1] == "q"
 
 
 SOURCES = {
