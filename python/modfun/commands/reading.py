@@ -45,7 +45,10 @@ class Reading:
             "--input", "-u", metavar="COLUMN|NAME=COLUMN", help="An input; repeat for several.", **DATA
         ),
     ] = None
-    time: Annotated[str | None, typer.Option("--time", "-t", help="Column of time in s.", **DATA)] = None
+    time: Annotated[
+        list[str] | None,
+        typer.Option("--time", "-t", help="Column of time; repeat for one of dates, one of times.", **DATA),
+    ] = None
     dt: Annotated[
         float | None, typer.Option("--dt", help="Sampling interval in s, instead of --time.", **DATA)
     ] = None
@@ -107,7 +110,7 @@ class Reading:
                 file,
                 outputs=_channels(self.output),
                 inputs=_channels(self.input),
-                time=self.time,
+                time=self.time[0] if self.time and len(self.time) == 1 else self.time or None,
                 dt=self.dt,
                 keep=apart or None,
                 units=pairs_of("--units", self.units),

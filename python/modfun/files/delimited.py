@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -24,11 +25,13 @@ __all__ = ["Delimited", "is_date", "numbers", "of_lines", "read_delimited", "wri
 
 
 TRUTH = {"true": 1.0, "false": 0.0}
-CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d*)?)")  # days (IRIG), hours, minutes
+CLOCK = re.compile(  # days (IRIG), hours, minutes, seconds, half of the day
+    r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d*)?)(?:\s*([AaPp])[Mm])?"
+)
 DAY = 86400.0
-DATE = re.compile(  # ISO 8601, or day.month.year: day, hours to seconds, fraction, zone
-    r"(\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4})"
-    r"(?:[T ](\d{1,2}:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(Z|z|[+-]\d\d(?::?\d\d)?)?)?"
+DATE = re.compile(  # ISO 8601, day.month.year or month/day/year: day, hours to seconds, fraction, half, zone
+    r"(\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})"
+    r"(?:[T ](\d{1,2}:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(?:([AaPp])[Mm]|(Z|z|[+-]\d\d(?::?\d\d)?))?)?"
 )
 GROUPED = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?\s*")  # points as thousands marks
 COMMA = re.compile(r"\s*[+-]?(?:\d*|[1-9]\d{0,2}(?:\.\d{3})+),\d+(?:[eE][+-]?\d+)?\s*")  # a decimal comma
@@ -50,7 +53,7 @@ def number(text: str) -> float | None:
     """Return the number a text stands for, nan for the usual marks of a missing value, else None.
 
     Times of day, ``14:05:36.02`` or with the day of the year before, ``325:14:05:36.02``, are seconds; dates,
-    ``2026-03-01T14:05:36.02Z`` or ``1.3.2026 14:05:36.02``, are seconds from 1970 on.
+    ``2026-03-01T14:05:36.02Z``, ``1.3.2026 14:05:36.02`` or ``3/1/2026 2:05 PM``, are seconds from 1970 on.
     """
     stripped = text.strip()
     if stripped.lower() in MISSING:
@@ -63,11 +66,25 @@ def number(text: str) -> float | None:
         clock = CLOCK.fullmatch(stripped)
         if clock is None:
             date = _nanoseconds(stripped)
+            date = _nanoseconds(stripped, day_first=True) if date is None else date
             return None if date is None else date / 1e9
-        days, hours, minutes, seconds = clock.groups(default="0")
+        days, hours, minutes, seconds, half = clock.groups(default="0")
+        hour = _hour(hours, half)
         return (
-            86400.0 * int(days) + 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds.replace(",", "."))
+            None
+            if hour is None
+            else (
+                86400.0 * int(days) + 3600.0 * hour + 60.0 * int(minutes) + float(seconds.replace(",", "."))
+            )
         )
+
+
+def _hour(text: str, half: str | None) -> int | None:
+    """The hour of the day, of 12 with AM or PM, else of 24; None of 13 PM."""
+    hour = int(text)
+    if half is None or half == "0":
+        return hour
+    return hour % 12 + 12 * (half in "Pp") if 1 <= hour <= 12 else None
 
 
 def is_date(text: str) -> bool:
@@ -89,15 +106,30 @@ def numbers(texts: Sequence[str]) -> tuple[F64, int | None]:
     known = np.isfinite(values)
     leading = texts[int(np.argmax(known))].strip() if known.any() else ""
     if DATE.fullmatch(leading):
-        dates = [_nanoseconds(text.strip()) for text in texts]
-        first = next(date for date in dates if date is not None)
-        return np.array([np.nan if date is None else (date - first) / 1e9 for date in dates]), None
+        return _dates([text.strip() for text in texts]), None
     if (clock := CLOCK.fullmatch(leading)) and clock[1] is None:
         values[known] += DAY * np.cumsum(np.diff(values[known], prepend=values[known][:1]) < -DAY / 2)
     return values, None
 
 
-def _nanoseconds(text: str) -> int | None:
+def _dates(texts: Sequence[str]) -> F64:
+    """Seconds from the first of dates, nan of others.
+
+    Of 3/5/2026 the month is first, unless that leaves dates that are none or go back, or a longer record.
+    """
+    best: tuple[tuple[int, bool, int], list[int | None]] | None = None
+    for day_first in (False, True) if any("/" in text for text in texts) else (False,):
+        found = [_nanoseconds(text, day_first) for text in texts]
+        known = [date for date in found if date is not None]
+        back = any(b < a for a, b in pairwise(known))
+        rank = (-len(known), back, max(known, default=0) - min(known, default=0))
+        best = (rank, found) if best is None or rank < best[0] else best
+    assert best is not None
+    first = next(date for date in best[1] if date is not None)
+    return np.array([np.nan if date is None else (date - first) / 1e9 for date in best[1]])
+
+
+def _nanoseconds(text: str, day_first: bool = False) -> int | None:
     """Nanoseconds from 1970 of a date and time of `DATE`, else None; without a zone it is that of UTC."""
     found = DATE.fullmatch(text)
     if found is None:
@@ -105,10 +137,14 @@ def _nanoseconds(text: str) -> int | None:
     day, clock = found[1], found[2] or "00:00"
     if "." in day:
         day = "-".join(f"{part:0>2}" for part in reversed(day.split(".")))
-    clock = clock if clock[2] == ":" else f"0{clock}"
+    if "/" in day:
+        one, other, year = (f"{part:0>2}" for part in day.split("/"))
+        day = f"{year}-{other}-{one}" if day_first else f"{year}-{one}-{other}"
+    hours, _, rest = clock.partition(":")
+    hour = _hour(hours, found[4])
     try:
-        whole = datetime.fromisoformat(f"{day}T{clock}{(found[4] or '+00:00').upper()}")
-    except ValueError:  # a thirteenth month
+        whole = datetime.fromisoformat(f"{day}T{hour:02d}:{rest}{(found[5] or '+00:00').upper()}")
+    except (TypeError, ValueError):  # of 13 PM, and of a thirteenth month
         return None
     seconds = round((whole - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds())
     return seconds * 10**9 + int((found[3] or "")[:9].ljust(9, "0"))

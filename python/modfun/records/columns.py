@@ -22,6 +22,7 @@ __all__ = [
     "Columns",
     "Told",
     "are_serial",
+    "dated",
     "doubtful_step",
     "from_arrays",
     "guess_time",
@@ -194,6 +195,38 @@ def guess_time(table: Columns) -> str:
     )
     cure = "say which with time=" if found else "name it with time=, or give dt="
     raise SpecError(f"read: {table.label}: {problem}; {cure}. The columns are: {listed(table.names)}")
+
+
+def dated(table: Columns, pair: Sequence[str]) -> tuple[Columns, str]:
+    """Return the columns with times made of a column of dates and one of times of day, and their name.
+
+    Raises
+    ------
+    SpecError
+        If they are not two columns of the table, or not such columns.
+    """
+    if len(pair) != 2 or not set(pair) <= set(table.names):
+        raise SpecError(
+            f"read: time={list(pair)!r}: give one column, or that of the date and that of the time of day; "
+            f"the columns are: {listed(table.names)}"
+        )
+    day, clock = pair
+    name = f"{day} {clock}"
+
+    def load(names: Sequence[str]) -> dict[str, F64]:
+        found = table.load([*dict.fromkeys([*(own for own in names if own != name), *pair])])
+        days, times = found[day], found[clock]
+        wrong = day if np.any(days % DAY) else clock if table.told.units.get(clock) != "s" else ""
+        if wrong or table.told.units.get(day) != "s":
+            raise SpecError(
+                f"read: time={list(pair)!r}: {wrong or day!r} is no column of "
+                f"{'times of day, 14:05:36' if wrong == clock else 'dates, 2026-03-01'}; give date, then time"
+            )
+        seconds = days + times % DAY  # times of day went on over midnight
+        return {own: found[own] for own in names if own != name} | {name: seconds - seconds[:1]}
+
+    told = replace(table.told, units={**table.told.units, name: "s"})
+    return replace(table, names=(*table.names, name), load=load, told=told), name
 
 
 def doubtful_step(times: F64, name: str, told: Told) -> tuple[float, str] | None:

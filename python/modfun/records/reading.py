@@ -25,6 +25,7 @@ from .columns import (
     Columns,
     Told,
     are_serial,
+    dated,
     doubtful_step,
     guess_time,
     pace,
@@ -51,7 +52,7 @@ class Words(TypedDict, total=False):
 
     outputs: Channels | None
     inputs: Channels | None
-    time: str | None
+    time: str | Sequence[str] | None
     keep: Channels | None
     dt: float | None
     units: Mapping[str, str] | None
@@ -74,7 +75,7 @@ def read(
     *,
     outputs: Channels | None = None,
     inputs: Channels | None = None,
-    time: str | None = None,
+    time: str | Sequence[str] | None = None,
     keep: Channels | None = None,
     dt: float | None = None,
     units: Mapping[str, str] | None = None,
@@ -96,10 +97,11 @@ def read(
     outputs, inputs : str, sequence of str or mapping
         Columns by name, or ``{new name: name in the source}``. Both may be left out where the source says
         them itself: an exported iddata, what `Record.to_pandas` and `Record.to_xarray` made.
-    time : str, optional
+    time : str or two of them, optional
         Column of times, increasing. It is converted to seconds where its name says the unit, as in
         ``TIME [ms]``, ``t_ms`` or ``Zeit/min``; an unknown unit in brackets is refused.
-        Default: the one column named t or time (with or without a unit), unless `dt` is given.
+        ``["Date", "Time"]`` are two columns, of dates and of times of day. Default: the one column named t
+        or time (with or without a unit), unless `dt` is given.
     keep : str, sequence of str or mapping, optional
         Further columns to carry along, such as an event marker for `Record.split`.
     dt : float, optional
@@ -151,9 +153,10 @@ def read(
     the columns (if it is all numbers, the comment above it does, as numpy.savetxt writes it, or they are
     ``column1``, ``column2``, ...), a line below it without a number holds the units. Times of day,
     ``14:05:36.02`` or ``325:14:05:36.02`` with the day before, become seconds, and go on over midnight;
-    dates, ``2026-03-01T14:05:36.02Z`` or ``1.3.2026 14:05``, and seconds since 1970 become seconds from the
-    first. Decimal commas are read where another mark separates the columns; points of such a file are
-    thousands marks, 1.040 is 1040, and a column whose points may be either is refused.
+    dates, ``2026-03-01T14:05:36.02Z``, ``1.3.2026 14:05`` or ``3/1/2026 2:05 PM``, and seconds since 1970
+    become seconds from the first. Decimal commas are read where another mark separates the columns; points
+    of such a file are thousands marks, 1.040 is 1040, and a column whose points may be either is refused.
+    Lines of a title above the names, of fewer fields, are skipped.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.
@@ -184,6 +187,8 @@ def read(
         each: Sequence[Mapping[str, Any]] = source  # or whatever else is read
         return [read(one, **words) for one in each]
     table = open_columns(source, part)
+    if time is not None and not isinstance(time, str):
+        table, time = dated(table, time)
     told = table.told
     if outputs is None and not told.outputs:
         raise SpecError(f"read: say with outputs= which of the columns they are: {listed(table.names)}")

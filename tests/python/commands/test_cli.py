@@ -525,3 +525,10 @@ def test_an_unstable_fit_is_printed_without_a_score(tmp_path, capsys):
     assert "not scored; simulating: the response overflows within 8 s" in out
     assert "fit.png is not drawn; " in err
     assert not picture.exists()
+
+
+def test_date_and_time_of_two_columns(tmp_path, capsys):
+    lines = [f"3/5/2026;11:59:{k:02d} AM;{k % 7}" for k in range(50)]
+    (path := tmp_path / "run.csv").write_text("\n".join(["Date;Time;q", *lines]))
+    assert main(["check", str(path), "-y", "q", "--time", "Date", "--time", "Time", "--json", "-"]) == 0
+    assert "q" in capsys.readouterr().out

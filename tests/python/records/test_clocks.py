@@ -119,3 +119,40 @@ def test_dates_are_in_seconds_whatever_stands_in_brackets(tmp_path, kind):
     assert rec.dt == 2
     assert not any("milliseconds" in sentence for sentence in rec.check())
     assert not any("milliseconds" in sentence for sentence in rec.window(0, 60).check())
+
+
+def stamped(start, form, freq="1s", rows=30):
+    at = pytest.importorskip("pandas").date_range(start, periods=rows, freq=freq)
+    return {"t": list(at.strftime(form)), "y": np.sin(np.arange(float(rows)))}
+
+
+@pytest.mark.parametrize("start", ["2024-03-05 11:59:50", "2024-03-15 23:59:50", "2024-05-03 23:59:50"])
+@pytest.mark.parametrize(
+    "form", ["%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %I:%M:%S.%f %p", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"]
+)
+def test_dates_with_the_month_or_the_day_first(start, form):
+    """They were refused as text; the order is that in which times increase and the record is short."""
+    rec = mf.read(stamped(start, form), outputs="y")
+    assert (rec.t[0], rec.dt, rec.intervals) == (0, 1, 29)
+
+
+def test_thirteen_oclock_pm_is_no_time():
+    with pytest.raises(mf.DataError, match=r"'t' holds .*13:00:00 PM.* where a number is needed"):
+        mf.read({"t": ["01:00:00 PM", *["13:00:00 PM"] * 20], "y": np.arange(21.0)}, outputs="y")
+
+
+@pytest.mark.parametrize(
+    "forms", [("%d.%m.%Y", "%H:%M:%S,%f"), ("%m/%d/%Y", "%I:%M:%S %p"), ("%Y-%m-%d", "%H:%M:%S")]
+)
+def test_date_and_time_in_two_columns(tmp_path, forms):
+    date, time = (stamped("2024-03-05 23:59:50", form)["t"] for form in forms)
+    rows = "".join(f"{a};{b};{k % 7}\n" for k, (a, b) in enumerate(zip(date, time, strict=True)))
+    (path := tmp_path / "run.csv").write_text("Date;Time;y\n" + rows)
+    rec = mf.read(path, time=["Date", "Time"], outputs="y")
+    assert (rec.t[0], rec.dt, rec.intervals) == (0, 1, 29)
+    with pytest.raises(mf.SpecError, match="'Time' is no column of dates, 2026-03-01; give date, then time"):
+        mf.read(path, time=["Time", "Date"], outputs="y")
+    with pytest.raises(
+        mf.SpecError, match="give one column, or that of the date and that of the time of day"
+    ):
+        mf.read(path, time=["Date", "Clock"], outputs="y")
