@@ -14,7 +14,7 @@ from ..base.arguments import public
 from ..base.callables import address, at
 from ..base.names import nearest
 from ..errors import SpecError
-from ..language.parser import Text, equation
+from ..language.parser import EULER, Text, equation
 from ..models.free import Free, from_plain, to_plain
 from .nonlinear import NonlinearModel, model_of
 from .symbolic.known import Samples
@@ -110,6 +110,10 @@ class Equation(Written):
             equation(one, "equation" if len(texts) == 1 else f"equation {k}")
             for k, one in enumerate(texts, 1)
         )
+        for one in parsed:
+            for node in one.tree.walk():
+                if node.kind == "name" and node.value == "e":
+                    one.refuse(node.at, node.end, EULER)
         nodes = [node for one in parsed for node in one.tree.walk() if node.kind == "name"]
         names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in RESERVED))
         coefficients = _varying(varying)
@@ -135,6 +139,11 @@ class Equation(Written):
         if outputs is None and not given[0] and not given[2] and len({*unmeasured}) == 1:
             given[0], measured, unmeasured = (unmeasured[0],), (unmeasured[0], *measured), []
         if not given[0]:
+            if not unmeasured and (spelt := _spelt(names)):
+                raise SpecError(
+                    f"Equation: no signal has a prime; the derivative of {spelt[1]} is written {spelt[1]}', "
+                    f"did you mean that for {spelt[0]}?"
+                )
             guess = f"outputs=[{unmeasured[0]!r}]" if unmeasured else "outputs=[...]"
             raise SpecError(f"Equation: no signal y occurs; say which signals are measured, {guess}")
         roles = [*measured, *unmeasured, *coefficients]
@@ -304,6 +313,16 @@ def _made(
     return Equation(
         texts, outputs=outputs, inputs=inputs, hidden=hidden, varying=dict(varying), params=dict(params)
     )
+
+
+def _spelt(names: Sequence[str]) -> tuple[str, str] | None:
+    """What may be a derivative in another spelling, xdot, x_dot or dx/dt, and of which signal."""
+    for name in names:
+        if (dotted := name.removesuffix("dot").rstrip("_")) and name.endswith("dot"):
+            return name, dotted
+        if "dt" in names and name.startswith("d") and name not in ("d", "dt"):
+            return f"{name}/dt", name[1:]
+    return None
 
 
 def _varying(given: Any) -> dict[str, tuple[Any, ...]]:

@@ -26,6 +26,7 @@ from ..results.of_equations import EquationFit
 from .arguments import sensible
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
+from .restarts import restarted
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -161,15 +162,20 @@ def fit_equation(
     if within is not None and not (fit.success and not fit.at_bound):
         fit = sought(None)
     told = layout.formulas.words["starts"]
-    if fit.success or starts is not None or not any([start is not None for start in told]):
+    if fit.success or starts is not None:
         return fit
-    # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.
-    signed = tuple(
-        (max(low, 0.0) if start and start > 0 else low, min(high, 0.0) if start and start < 0 else high)
-        for start, (low, high) in zip(told, within or layout.formulas.words["bounds"], strict=True)
-    )
-    other = _sought(records, structure, options, layout, again, levels, [None] * len(told), signed)
-    return other if other.success else fit
+    if any([start is not None for start in told]):
+        # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.
+        signed = tuple(
+            (max(low, 0.0) if start and start > 0 else low, min(high, 0.0) if start and start < 0 else high)
+            for start, (low, high) in zip(told, within or layout.formulas.words["bounds"], strict=True)
+        )
+        other = _sought(records, structure, options, layout, again, levels, [None] * len(told), signed)
+        if other.success:
+            return other
+    boxed = partial(_sought, records, structure, options, layout, again, levels)
+    learns = options.noise in ("output", "coloured") and len(layout.outputs) > 1
+    return restarted(boxed, structure, layout, records, learns) or fit
 
 
 def _sought(
@@ -181,8 +187,9 @@ def _sought(
     levels: Sequence[float] | None,
     starts: Sequence[float | None] | None,
     within: tuple[tuple[float, float], ...] | None,
+    learnt: bool = True,
 ) -> EquationFit:
-    """The fit within bounds, those of the equations where None."""
+    """The fit within bounds, those of the equations where None; `learnt`: whether levels of noise may be."""
     filled = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
     uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled]
@@ -193,7 +200,7 @@ def _sought(
 
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
         shown = seen if levels is None else list(levels)
-        made = prepare_equation(structure, options, records, spread, shown, learn, starts, within)
+        made = prepare_equation(structure, options, records, spread, shown, learn and learnt, starts, within)
         rows = [
             layout.formulas.rows(y, driving(rec), rec.t, record=k)
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..errors import SpecError
 
-__all__ = ["CONSTANTS", "FUNCTIONS", "Node", "Text", "equation", "expression", "separated"]
+__all__ = ["CONSTANTS", "EULER", "FUNCTIONS", "Node", "Text", "equation", "expression", "separated"]
 
 # The functions of texts everywhere in modfun: how many arguments they take, and what they are of numbers.
 FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
@@ -38,6 +38,9 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
     "where": (3, lambda c, a, b: np.where(c != 0, a, b)),
 }
 CONSTANTS = {"pi": np.float64(np.pi), "e": np.float64(np.e)}
+EULER = (
+    "may be a parameter or Euler's number: take another name for a parameter, and write exp(1) for the number"
+)
 _SIGNS = "numbers, + - * / ** % < <= > >=, parentheses"
 _CALLS = ", ".join(FUNCTIONS)
 ALLOWED = f"allowed are signals with primes, parameters, t, pi, {_SIGNS}, D(expression, order) and {_CALLS}"

@@ -51,7 +51,10 @@ def _found(fit: Estimates, model: Equation, vague: Sequence[str]) -> Doubt | Non
             except ModfunError:  # a signal is in the limit no more
                 continue
             other = again(fit, fit.records, made, on_band(fit, fit.band))
-            if other is not None and other.success and bic_beside(other, fit) <= best:
+            if other is None or not other.success or bic_beside(other, fit) > best:
+                continue
+            # Beside a search that failed any limit looks well: that it fits the record is asked of it.
+            if fit.success or not level_p(other) < SURE:
                 best, found = bic_beside(other, fit), (name, limit, other)
     if found is not None:
         return _told(fit, *found)

@@ -326,3 +326,19 @@ def test_without_a_y_the_only_signal_with_primes_is_the_output():
     assert (friction.outputs, friction.inputs, friction.hidden) == (("w",), ("u",), ())
     with pytest.raises(mf.SpecError, match=r"no signal y occurs.*outputs=\['v'\]"):
         mf.Equation(["v' = w", "w' = -v + u"])
+
+
+@pytest.mark.parametrize(
+    ("text", "cure"),
+    [
+        ("xdot = a*x", "the derivative of x is written x', did you mean that for xdot?"),
+        ("dx/dt = a*x", "the derivative of x is written x', did you mean that for dx/dt?"),
+        ("x_dot = a*x", "the derivative of x is written x', did you mean that for x_dot?"),
+        ("x' = a*e**x", "write exp(1) for the number"),
+    ],
+)
+def test_derivatives_in_another_spelling_are_refused_at_once(text, cure):
+    """They were told to name outputs, or went through until a fit."""
+    with pytest.raises(mf.SpecError) as caught:
+        mf.Equation(text)
+    assert cure in str(caught.value)

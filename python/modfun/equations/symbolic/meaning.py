@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 import sympy
 
 from ...base.names import nearest
-from ...language.parser import CONSTANTS, FUNCTIONS, Node, Text
+from ...language.parser import CONSTANTS, EULER, FUNCTIONS, Node, Text
 from .compiled import jet, time
 from .jets import Jump, Moving
 
@@ -146,11 +146,7 @@ class _Meaning:
         if name == "t":
             return time
         if name == "e":
-            self.refuse(
-                node,
-                "may be a parameter or Euler's number: take another name for a parameter, and write exp(1) "
-                "for the number",
-            )
+            self.refuse(node, EULER)
         if name in CONSTANTS:
             return _CONSTANTS[name]
         return number(self.fixed[name]) if name in self.fixed else parameter(name)

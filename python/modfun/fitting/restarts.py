@@ -1,0 +1,76 @@
+"""Starts of sizes that an equation and its record ask for, where the search from others led nowhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ..equations.equation import Equation
+from ..equations.layout import EquationLayout
+from ..errors import DataError
+from ..records.record import Record
+from ..results.diagnosis import level_ratio
+from .scales import sizes
+
+__all__ = ["restarted"]
+
+FACTOR = 10.0  # of a size either way
+AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
+
+Bounds = tuple[tuple[float, float], ...]
+
+
+def restarted(
+    sought: Callable[[list[float], Bounds, bool], Any],
+    structure: Any,
+    layout: EquationLayout,
+    records: Sequence[Record],
+    learns: bool,
+) -> Any | None:
+    """The first fit from within a box that ends at a minimum inside it, and leaves noise; None if none does.
+
+    `sought` makes one from starts, within bounds, with levels of noise learnt or not: of several outputs a
+    level that runs away takes the parameters along, and levels that the high band shows do not.
+    """
+    words = layout.formulas.words
+    if not isinstance(structure, Equation) or words["linear"]:
+        return None  # linear ones begin at their minimum
+    own = words["bounds"]
+    for starts, box in _boxes(sizes(structure, layout.param_names, records).tolist(), words["starts"], own):
+        for learn in (True, False) if learns else (True,):
+            try:
+                fit = sought(starts, box, learn)
+            except DataError:  # a band with fewer equations than unknowns
+                continue
+            at = [layout.param_names.index(name) for name in fit.at_bound]
+            # Where a level took the residuals up, the fit is none: that of a wrong model would pass for one.
+            if fit.success and all(fit.params[k] in own[k] for k in at) and not level_ratio(fit) > AWAY:
+                return fit
+    return None
+
+
+def _boxes(
+    sizes: Sequence[float], told: Sequence[float | None], own: Bounds
+) -> Iterator[tuple[list[float], Bounds]]:
+    """Starts and bounds about them, within a user's own bounds."""
+    # A start that a user told was tried already, and says which sign is likelier.
+    centres = [
+        size if start is None or start >= 0 else -size for start, size in zip(told, sizes, strict=True)
+    ]
+    for signed in (False, True):  # as the sizes are, then either way
+        box = []
+        for centre, start, (low, high) in zip(centres, told, own, strict=True):
+            if -inf < low and high < inf:
+                box.append((low, high))
+                continue
+            if high <= 0 < centre and start is None:
+                centre = -centre
+            ends = sorted([centre / FACTOR, centre * FACTOR])
+            if signed and start is None:
+                ends = [-abs(centre) * FACTOR, abs(centre) * FACTOR]
+            box.append((max(low, ends[0]), min(high, ends[1])))
+        if all(a < b for a, b in box):
+            yield [float(np.clip(x, a, b)) for x, (a, b) in zip(centres, box, strict=True)], tuple(box)
