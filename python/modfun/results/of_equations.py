@@ -28,6 +28,7 @@ __all__ = ["EquationFit"]
 
 
 CLEAR = 5.0  # standard deviations of noise: what is as far from 0 has a logarithm that is worth something
+HUGE = 1e50  # samples whose powers may overflow
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -109,11 +110,28 @@ class EquationFit(Fit):
                 "narrower band."
             )
         if self.status == "nonfinite":
-            return self._without_value() or (
+            if not (told := self._without_value()) and not self._may_lack_values():
+                return (
+                    "The numbers left the range of floating point: the search ran away. First see that each "
+                    f"column is the signal of its name ({', '.join((*self.outputs, *self.inputs))}; two may "
+                    "be exchanged), and its unit; else give starts and bounds with mf.Free."
+                )
+            return told or (
                 "The numbers left the range of floating point: look for samples at which a signal has no "
                 "value (log or sqrt of what noise makes negative, 1/0), or that are absurdly large."
             )
         return super().message
+
+    def _may_lack_values(self) -> bool:
+        """Whether the equations have logarithms, roots or quotients of signals, or samples that overflow."""
+        if any(
+            np.max(np.abs(rec.y), initial=0.0, where=np.isfinite(rec.y)) > HUGE for rec in self.records or ()
+        ):
+            return True
+        texts = getattr(self.structure, "texts", None)  # a state space has none of them
+        if texts is None or self.layout.compiled.hidden:  # elimination divides and takes logarithms
+            return True
+        return any(sign in text for text in texts for sign in ("log", "sqrt", "/", "**"))
 
     def _without_value(self) -> str:
         """Where a logarithm or root in the equations meets samples that are not positive."""
