@@ -46,6 +46,7 @@ from .undeclared import undeclared
 from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
+from .unrecorded_inputs import unrecorded_input
 
 __all__ = ["check", "warnings_of"]
 
@@ -62,9 +63,21 @@ def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state
     if isinstance(start, str) and start == "unknown":
-        return fit.message
+        return _lost(fit) or fit.message
     said = repr(start) if isinstance(start, str) else "..."
     return f'First try initial_state="unknown": the record may not begin as {said} says. {fit.message}'
+
+
+def _lost(fit: Estimates) -> str:
+    """What no record could tell apart, where a fit ended so; "" where it could."""
+    if fit.status != "rank" or fit.layout.rational:
+        return ""
+    found = fit.structure.identifiable()
+    if found:
+        return ""
+    return (
+        f"The equations do not tell their parameters apart, whatever the record: {' '.join(found.sentences)}"
+    )
 
 
 def _failed(fit: Estimates) -> str:
@@ -73,10 +86,12 @@ def _failed(fit: Estimates) -> str:
         doubt = (
             in_degrees(fit)
             or unlike_records(fit)
+            or missing_input(fit)
             or in_other_units(fit)
             or contradicted_numbers(fit)
             or runaway(fit)
             or one_record(fit)
+            or unrecorded_input(fit)
         )
     return doubt.text if doubt else _message(fit)
 
@@ -135,8 +150,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends,
     on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
-    contradicted_numbers, missing_input, late_channel, unexplained, one_cause, fed_back, unsettled,
-    unstable, condition, undeclared,
+    contradicted_numbers, missing_input, unrecorded_input, late_channel, unexplained, one_cause, fed_back,
+    unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -168,6 +183,7 @@ def check(fit: Estimates, line: str) -> Findings:
             in_other_units,
             contradicted_numbers,
             missing_input,
+            unrecorded_input,
             late_channel,
         )
         told = [said[look] for look in first]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
@@ -10,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from ..base.arrays import F64
+from ..base.cached import kept
 from ..equations.equation import Equation
 from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
@@ -23,11 +26,13 @@ from .hidden_units import DEGREES, GRAVITY, angles_of, forces_of, seem
 from .misfit import suspicious
 from .worth import worth
 
-__all__ = ["contradicted_numbers", "number_beside", "turned", "unit_of"]
+__all__ = ["Factor", "contradicted_numbers", "factor_beside", "turned", "unit_of"]
 
 FREED = "freed_"  # names of the parameters in the place of numbers
 SIGMAS = 4.0  # standard errors within which a number agrees
 ROUGH = 0.05  # relative, the same: kinematics are often rounded
+RATE = " in the equation of "  # words of a number beside the derivative of a channel
+STEPS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 0.1, 10.0, 1e-3, 1e3)  # what a wrong time step is off by
 NEAR = 0.03  # relative, the same of a unit
 MOST = 2  # channels that are in another unit at once
 # What a factor of a channel is, as size and words.
@@ -68,6 +73,17 @@ class Number:
         return f"the record has {self.found:.4g} ± {self.error:.2g} times {self.words}"
 
 
+@dataclass(frozen=True)
+class Factor:
+    """A number in the equations or a factor of a channel: what is seen of it, its cure, and BIC so."""
+
+    kind: str
+    seen: str
+    cure: str
+    after: float
+
+
+@kept
 def contradicted_numbers(fit: Estimates) -> Doubt | None:
     """That channels are in another unit or of another sign than equations need, or that a number is wrong.
 
@@ -147,10 +163,23 @@ def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | No
     fallen = f" BIC falls from {cure.before:.4g} to {after:.4g}." if isfinite(cure.before) else ""
     if beside is not None and beside.after < after + CLOSE:
         fallen += f" About as well ({beside.after:.4g}): {beside.words}."
+    step = _of_step(fit, numbers)
     return Doubt(
-        f"A number in the equations contradicts the record: {worst}. First write a parameter in its place, "
-        f"or look for the unit, the scale factor or the sign of a channel.{fallen}"
+        f"A number in the equations contradicts the record: {worst}. First {step}write a parameter in its "
+        f"place, or look for the unit, the scale factor or the sign of a channel.{fallen}"
     )
+
+
+def _of_step(fit: Estimates, numbers: Sequence[Number]) -> str:
+    """That the time step may be wrong, where all numbers beside a derivative are off by one usual factor."""
+    dt = fit.records[0].dt if fit.records else None
+    rates = [number for number in numbers if RATE in number.words]
+    for size in STEPS if dt and rates else ():
+        slacks = [own.slack(NEAR) for own in rates]
+        logs = [log(own.found / own.held / size) if own.found * own.held > 0 else inf for own in rates]
+        if dt and all(abs(off) < slack for off, slack in zip(logs, slacks, strict=True)):
+            return f"look at the time step, which would be {dt * size:.4g} s and not {dt:.4g} s; otherwise "
+    return ""
 
 
 def _named_alone(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> float:
@@ -158,16 +187,80 @@ def _named_alone(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> float
     return cure.after - (len(numbers) - 1) * (log(fit.df_resid + fit.params.size) - 1)
 
 
-def number_beside(fit: Estimates, cure: Cure) -> str:
-    """That a number in the equations explains about as much as a sensor; "" where none does."""
-    numbers, other = _read(fit) or ((), cure)
-    worst = max(numbers, key=lambda number: number.off, default=None)
-    if worst is None or not (other.level_p > ENOUGH and worst.off > SIGMAS):
-        return ""
-    after = _named_alone(fit, numbers, other)
-    if not after < cure.after + CLOSE:
-        return ""
-    return f" A number in the equations, or a scale factor, does about as well (BIC {after:.4g}): {worst}."
+@kept
+def factor_beside(fit: Estimates) -> Factor | None:
+    """The number in the equations, or the scale of a channel, that alone lowers BIC most; None if none does.
+
+    Which it is, a Wald test tells from a fit with a parameter for each number; that one is fitted.
+    """
+    if fit.again is None or fit.records is None or fit.layout.rational or fit.options.drives:
+        return None
+    made = _freed(fit.structure)
+    options = on_band(fit, fit.band).replace(trend=fit.trend)
+    every = again(fit, fit.records, made[0], options) if made else None
+    if made is None or every is None or not every.success:
+        return None
+    held = made[1]
+    at = [every.param_names.index(f"{FREED}{k}") for k in range(len(held))]
+    ways = [*_alone(held), *_of_channels(held)]
+    try:
+        inverse = np.linalg.inv(np.asarray(every.cov_params())[np.ix_(at, at)])
+    except np.linalg.LinAlgError:
+        return None
+    apart = np.asarray(every.params)[at]
+    falls = [(slopes @ inverse @ apart) ** 2 / (slopes @ inverse @ slopes) for _, slopes in ways]
+    name, slopes = ways[int(np.argmax(falls))]
+    other = (
+        again(fit, fit.records, _with_one(made[0], held, name, slopes), options) if len(held) > 1 else every
+    )
+    if other is None or not other.success:
+        return None
+    k = other.param_names.index(f"{FREED}0")
+    found, error, after = float(other.params[k]), float(other.bse[k]), bic_beside(other, fit)
+    if not (after < bic_beside(fit, fit) and abs(found) > SIGMAS / 2 * error > 0):
+        return None
+    if name:
+        seen = f"{name} has {1 + found:.4g} ± {error:.2g} times what the equations need"
+        cure = f"try rec.assign({name}=rec[{name!r}]/{1 + found:.4g})"
+        return Factor("A scale factor of a channel", seen, cure, after)
+    number = held[int(np.argmax(slopes))]
+    seen = str(replace(number, found=number.held + found, error=error))
+    return Factor(
+        "A number in the equations, or a scale factor,", seen, "write a parameter in its place", after
+    )
+
+
+def _alone(numbers: Sequence[Number]) -> list[tuple[str, F64]]:
+    """Each number by itself."""
+    return [("", own) for own in np.eye(len(numbers))]
+
+
+def _of_channels(numbers: Sequence[Number]) -> list[tuple[str, F64]]:
+    """What a factor of a channel does to the numbers, of channels that stand in several."""
+    channels = dict.fromkeys(name for number in numbers for name in number.powers)
+    slopes = {x: np.array([own.held * own.powers.get(x, 0) for own in numbers]) for x in channels}
+    return [(x, own) for x, own in slopes.items() if np.count_nonzero(own) > 1]
+
+
+def _with_one(model: Any, numbers: Sequence[Number], name: str, slopes: F64) -> Any:
+    """The model with a parameter for one number, or for a factor of one channel, instead of one for each."""
+
+    def one(found: re.Match[str]) -> str:
+        k = int(found[1])
+        if not name:
+            return f"{FREED}0" if slopes[k] else "0"
+        power = numbers[k].powers.get(name, 0)
+        return f"{numbers[k].held!r}*((1 + {FREED}0)**({power}) - 1)" if power else "0"
+
+    def written(entry: Any) -> Any:
+        return re.sub(rf"\b{FREED}(\d+)\b", one, entry) if isinstance(entry, str) else entry
+
+    params = {own: given for own, given in model.params if not own.startswith(FREED)}
+    params |= {f"{FREED}0": Free()}
+    if isinstance(model, Equation):
+        return model._like(text=[written(text) for text in model.texts], params=params)
+    words = {x: [[written(own) for own in row] for row in getattr(model, x)] for x in "ABCD"}
+    return model._like(**words, params=params)
 
 
 def _of_calibration(numbers: Sequence[Number]) -> Doubt | None:
@@ -228,6 +321,14 @@ def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers:
         changes.append(f"{name}={minus}rec[{name!r}]{scaled}")
     also = [" and ".join(other) for other in others]
     seems = "; ".join(seem(names, words) for words, names in parts.items())
+    both = [scales, *others]
+    if others and all(turned(x) for one in both for x in one.values()):
+        # A number between two channels does not tell which of them has the wrong sign.
+        which = " or ".join(" and ".join(one) for one in both)
+        tries = (", ".join(f"{x}=-rec[{x!r}]" for x in one) for one in both)
+        cures = ", or ".join(f"rec.assign({words})" for words in tries)
+        sign = "seems to be of the opposite sign, the record does not tell which"
+        return f"{which} {sign}: {seen}. First try {cures}."
     text = f"{seems}: {seen}. First try rec.assign({', '.join(changes)})"
     return text + (f"; the inverse change of {', or of '.join(also)} would do the same." if also else ".")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .cures import (
+    CLOSE,
     ENOUGH,
     WORTH,
     Cure,
@@ -20,13 +21,14 @@ from .diagnosis import level_p
 from .doubts import SURE, Doubt, noise_free
 from .driven_equations import driven
 from .estimates import Estimates
-from .held_numbers import number_beside
+from .held_numbers import contradicted_numbers, factor_beside
 from .misfit import UNLIKELY
 from .shifts import Shift, likeliest_shift
 
 __all__ = ["late_channel"]
 
 HALF = (0.3, 0.7)  # samples: about what an input declared held or smooth by mistake is off
+EVEN = 2.0  # difference of BIC below which two explanations are equally good (Kass and Raftery, 1995)
 LEAST = 0.2  # samples: below that, what signals do between samples makes as much
 
 
@@ -52,13 +54,33 @@ def late_channel(fit: Estimates) -> Doubt | None:
             return None
         name, was, now, _ = furthest(fit, cure.fit)
         moved = f" {name} is {was} so, and {now} with {shift.channel} at its time."
-        return Doubt(_told(fit, cure.shift) + moved + _first(cure) + _else(fit, cure, sure), sure)
+        return _or_factor(fit, cure, _told(fit, cure.shift) + moved, sure)
     if cure is None:
         acts = shift.channel in fit.inputs and shift.late < 0
         return Doubt(f"{_told(fit, shift)} First try a delay.", sure=False) if acts else None
-    if not _of_time(cure, shift):
-        return None
-    return Doubt(_told(fit, shift) + _first(cure) + _else(fit, cure, sure), sure)
+    return _or_factor(fit, cure, _told(fit, shift), sure) if _of_time(cure, shift) else None
+
+
+def _or_factor(fit: Estimates, cure: Cure, told: str, sure: bool) -> Doubt | None:
+    """The doubt of a time, or that of a number where this explains more; both where they are close.
+
+    A factor of a vane by the upwash of a few per cent explains as much as one sample of delay.
+    """
+    factor = factor_beside(fit)
+    if factor is None or not factor.after < cure.after + CLOSE:
+        return Doubt(told + _first(cure), sure)
+    # A time that all samples share is likelier than a scale factor that looks like it.
+    if not factor.after < cure.after - EVEN * isinstance(cure, Realigned):
+        beside = f" {factor.kind} does about as well (BIC {factor.after:.4g}): {factor.seen}."
+        return Doubt(told + _first(cure) + beside, sure)
+    if contradicted_numbers(fit) is not None:
+        return None  # said already
+    beside = f" About as well (BIC {cure.after:.4g}): {cure.words}, since {told}"
+    return Doubt(
+        f"{factor.kind} seems to be off: {factor.seen}. First {factor.cure}: BIC falls from "
+        f"{cure.before:.4g} to {factor.after:.4g}.{beside if cure.after < factor.after + CLOSE else ''}",
+        sure,
+    )
 
 
 def _otherwise(fit: Estimates, shift: Shift) -> str:
@@ -104,10 +126,6 @@ def _told(fit: Estimates, shift: Shift) -> str:
 
 def _first(cure: Cure) -> str:
     return f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
-
-
-def _else(fit: Estimates, cure: Cure, sure: bool) -> str:
-    return number_beside(fit, cure) if sure else ""
 
 
 def _step(fit: Estimates) -> float:

@@ -31,6 +31,7 @@ from .origin import gain_of_colour, gain_of_process, hum, origin
 from .worth import worth
 
 __all__ = [
+    "LEVEL",
     "UNLIKELY",
     "misfit",
     "of_colour",

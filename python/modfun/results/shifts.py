@@ -16,7 +16,7 @@ from ..records.corners import driving
 from ..records.record import Record
 from .estimates import Estimates
 
-__all__ = ["Shift", "likeliest_shift", "lines_beside", "output_lines"]
+__all__ = ["Shift", "equation_lines", "likeliest_shift", "lines_beside", "output_lines"]
 
 ASKED = 0.01  # p-value in white noise below which the noise's colour is looked at
 FINE = 40  # samples per period of the highest line, beyond which kinks of held inputs are below the noise
@@ -374,6 +374,28 @@ def lines_beside(
             [rows[1 : rows.shape[0] - len(terms)], drift, rows[len(rows) - len(terms) :]]
         )
         found.append((rows[0], columns, _ends(fit, inverse, shapes)))
+    return found
+
+
+def equation_lines(fit: Estimates) -> list[C128] | None:
+    """Residuals of linear equations (equation, line) of each record over what noise of the high band makes.
+
+    Without what ends of the records add. None where equations are not linear, or no noise is seen.
+    """
+    model, levels = _linear(fit), fit.high_band_levels
+    if model is None or len(levels) != len(fit.outputs) or not np.all(levels > 0):
+        return None
+    found = []
+    for k in range(len(fit.lines)):
+        v, p, _, powers, shapes = _signal_lines(fit, model, k, exact=False)
+        e = model.weights[0] @ (powers[:, None] * v).reshape(-1, v.shape[1])
+        noise = np.sqrt(np.einsum("eol,o->el", np.abs(p) ** 2, levels**2) / fit.intervals[k])
+        for row, (own, order) in enumerate(zip(noise, fit.layout.orders, strict=True)):
+            q = np.linalg.qr(_real((shapes[: order + 1] / own)[:, None]).T)[0]
+            both = _real((e[row] / own)[None, None])[0]
+            both -= q @ (q.T @ both)
+            e[row] = both[: own.size] + 1j * both[own.size :]
+        found.append(e)
     return found
 
 

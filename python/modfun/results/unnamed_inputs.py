@@ -5,26 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from ..base.cached import kept
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
 from ..records.record import Record
 from .cures import Cure, again, bic_beside, convincing, on_band
-from .diagnosis import level_p
+from .diagnosis import level_p, level_ratio
 from .doubts import Doubt
 from .estimates import Estimates
-from .misfit import suspicious
+from .misfit import LEVEL, suspicious
 
 __all__ = ["missing_input"]
 
 EXTRA = "extra_"  # names of the parameters of one input more
 
 
+@kept
 def missing_input(fit: Estimates) -> Doubt | None:
     """That an input which the record has explains residuals, once it enters each equation."""
     given = getattr(fit, "unnamed", ())
-    if not given or fit.again is None or not fit.usable or not suspicious(fit):
+    if not given or fit.again is None:
+        return None
+    if not fit.usable:
+        return _of_failure(fit, given)
+    if not suspicious(fit):
         return None
     before, options = bic_beside(fit, fit), on_band(fit, fit.band)
     made = ((name, again(fit, given, own, options)) for name, own in _with_one_more(fit.structure, given[0]))
@@ -41,6 +47,19 @@ def missing_input(fit: Estimates) -> Doubt | None:
         f"with it in each equation, BIC falls from {cure.before:.4g} to {cure.after:.4g}. First write it "
         "into the model."
     )
+
+
+def _of_failure(fit: Estimates, given: Any) -> Doubt | None:
+    """The same where there is no estimate without it, and residuals at the noise level with it."""
+    for name, own in _with_one_more(fit.structure, given[0]):
+        other = again(fit, given, own, fit.options)
+        if other is not None and other.success and level_ratio(other) < LEVEL:
+            return Doubt(
+                f"Input {name!r} is in the record and not in the model: without it the search ends without "
+                "an estimate, and with it in each equation the residuals are those of noise. First write it "
+                "into the model."
+            )
+    return None
 
 
 def _with_one_more(model: Any, rec: Record) -> Iterator[tuple[str, Any]]:
