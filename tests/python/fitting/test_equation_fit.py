@@ -474,7 +474,7 @@ def test_uneven_samples_show_their_noise_level():
 def test_parameters_that_no_record_tells_apart():
     rec, _, _ = duffing()
     twice = mf.Equation("y'' + d*y' + (a + c)*y + b*y**3 = u")
-    with pytest.warns(mf.ModfunWarning, match="identifiable"):
+    with pytest.warns(mf.ModfunWarning, match="a and c: adding s to a"):
         fit = mf.fit(rec, twice, harmonics=11)
     assert fit.status == "rank"
     assert np.all(np.isnan(fit.bse))
