@@ -221,7 +221,9 @@ class JointFitter:
         variances: Sequence[_F64 | None],
         **options: Any,
     ) -> Self: ...
-    def fit(self, y: Sequence[_F64], u: Sequence[_F64]) -> dict[str, Any]: ...
+    def fit(
+        self, y: Sequence[_F64], u: Sequence[_F64], *, near: Sequence[float] | None = None
+    ) -> dict[str, Any]: ...
     def fit_many(
         self,
         y: _F64 | Sequence[_F64],

@@ -118,12 +118,15 @@ impl JointFitter {
         Ok(JointFitter { core, outputs, inputs })
     }
 
-    /// Fits one structure to one record, or to several as one problem: lists of (channel, time).
+    /// Fits one structure to one record, or to several as one problem: lists of (channel, time). `near`: parameters
+    /// that lead to the estimate, on a band that is given.
+    #[pyo3(signature = (y, u, *, near=None))]
     fn fit<'py>(
         &self,
         py: Python<'py>,
         y: Vec<PyReadonlyArray2<'py, f64>>,
         u: Vec<PyReadonlyArray2<'py, f64>>,
+        near: Option<Vec<f64>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         if y.len() != u.len() {
             return Err(to_python(Error::Data(format!(
@@ -141,7 +144,10 @@ impl JointFitter {
                 u: u[k * self.inputs..(k + 1) * self.inputs].to_vec(),
             })
             .collect();
-        let found = enter(py, None, |_| self.core.fit(&records))?;
+        let found = enter(py, None, |_| match &near {
+            None => self.core.fit(&records),
+            Some(theta) => self.core.fit_near(&records, theta),
+        })?;
         dictionary(py, found, self.outputs)
     }
 

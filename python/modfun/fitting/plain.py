@@ -10,8 +10,10 @@ from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.corners import driving
 from ..records.record import Record
+from ..results.cures import on_band
 from ..results.fit import Fit
 from .gaps import across
+from .mirrored import as_likely, mirrored
 from .prepared import prepare, refuse_cut_off, refuse_standing
 
 __all__ = ["fit_plain"]
@@ -33,4 +35,11 @@ def fit_plain(
         found = made.core.fit(outputs, us)
         return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=again)
 
-    return across(fitted(list(made.outputs) or ys), made.outputs, made.blinds, fitted)
+    fit = across(fitted(list(made.outputs) or ys), made.outputs, made.blinds, fitted)
+    if not made.layout.free_delays or (near := mirrored(fit)) is None:
+        return fit
+    on_lines = prepare(structure, on_band(fit, fit.band), records)
+    found = on_lines.core.fit(list(made.outputs) or ys, us, near=near.tolist())
+    found["band_rule"] = fit.band_rule
+    twin = Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=again)
+    return twin if as_likely(fit, twin) else fit

@@ -11,6 +11,7 @@ from ..models.free import Free
 from ..records.periods import periods
 from ..records.steady import QUIET, standing
 from .cures import again, on_band, rewritten
+from .diagnosis import growth
 
 if TYPE_CHECKING:
     from .estimates import Estimates
@@ -63,8 +64,9 @@ def _beside_free(fit: Estimates) -> float:
     if fit.again is None or fit.records is None:
         return 1.0
     options = on_band(fit, fit.band).replace(initial_state="unknown")
-    other = again(fit, fit.records, fit.structure, options)
-    if other is None or not other.usable:
+    # Without the past a slow step tells a long delay hardly from a pole: a search far away finds either.
+    other = again(fit, fit.records, _near(fit), options)
+    if other is None or not other.usable or growth(other) > 0 >= growth(fit):
         return 1.0
     from scipy.special import fdtrc
 

@@ -53,7 +53,25 @@ impl JointFitter {
         self.fit_on(records, None)
     }
 
-    /// The same, and where errors fall beyond the end of the default band, on more lines. `before`: the estimate on
+    /// The estimate to which parameters `near` it lead, on the band that was given.
+    ///
+    /// # Errors
+    /// As [`JointFitter::fit`].
+    pub fn fit_near(&self, records: &[JointRecord<'_>], near: &[f64]) -> Result<JointFit, Error> {
+        if near.len() != self.o.structure.parameters() {
+            let (have, want) = (near.len(), self.o.structure.parameters());
+            return Err(Error::Spec(format!("fitting near {have} parameters: there are {want}")));
+        }
+        let mut loaded = self.load(records)?;
+        let start = (&self.o.noise, JointStart::Theta(near));
+        let fit = self.fit_from(&loaded, records, &self.ranges(), start)?;
+        match records.len() > 1 && self.o.own_levels && self.adapts() {
+            true => self.levelled(&mut loaded, records, &self.o.noise, fit),
+            false => Ok(fit),
+        }
+    }
+
+    /// The same as [`JointFitter::fit`], and where errors fall beyond the end of the default band, on more lines. `before`: the estimate on
     /// fewer.
     pub(crate) fn fit_on(
         &self,
