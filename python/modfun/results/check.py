@@ -35,6 +35,7 @@ from .doubts import (
 from .driven_equations import one_cause
 from .estimates import Estimates
 from .feedback import feedback
+from .free_motion import bent
 from .held_numbers import contradicted_numbers
 from .hidden_units import in_other_units
 from .known_start import gain_of_start, off_zero
@@ -150,7 +151,7 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends,
     on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
-    contradicted_numbers, missing_input, unrecorded_input, late_channel, unexplained, one_cause, fed_back,
+    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause, fed_back,
     unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
@@ -185,6 +186,7 @@ def check(fit: Estimates, line: str) -> Findings:
             missing_input,
             unrecorded_input,
             late_channel,
+            bent,
         )
         told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.

@@ -19,7 +19,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, neighbours, with_offset
+from .neighbours import EXTRA, neighbours, unused, with_offset
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
@@ -304,9 +304,10 @@ def offset_of(fit: Estimates, other: float) -> str:
     for x, structure, _ in with_offset(fit.structure):
         made = again(fit, fit.records, structure, on_band(fit, fit.band))
         if made is not None and (after := bic_beside(made, fit)) < best:
-            best = after
+            best, c = after, unused("c", fit.structure)
             words = (
-                f"Write ({x} - c) for {x} in the equation, with its offset c as a parameter: c = "
+                f"Write ({x} - {c}) for {x} in the equation, with its offset {c} as a parameter that "
+                f'starts at 0, params={{"{c}": mf.Free(0)}}: {c} = '
                 f"{made[EXTRA]:.4g}, and BIC falls from {before:.4g} to {after:.4g}. A constant in the "
                 f"equation is not the same, since {x} does not enter linearly."
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from itertools import chain
+from itertools import chain, count
 from typing import Any
 
 from ..equations.equation import Equation
@@ -16,7 +16,7 @@ from ..models.free import Free
 from .estimates import Estimates
 from .worth import Key
 
-__all__ = ["EXTRA", "neighbours", "with_offset"]
+__all__ = ["EXTRA", "neighbours", "unused", "with_offset"]
 
 EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
@@ -144,7 +144,8 @@ def _offsets(model: Equation) -> Changed:
     """Where equations are linear, a constant says the same."""
     if not model.linear:
         for x, structure, key in with_offset(model):
-            yield f"an offset of {x}, ({x} - c) in its place (c = {{}})", structure, key
+            name = unused("c", model)
+            yield f"an offset of {x}, ({x} - {name}) in its place ({name} = {{}})", structure, key
 
 
 def _terms(model: Equation) -> Changed:
@@ -176,11 +177,17 @@ def _next_derivative(y: str, text: str) -> str:
     return y + "'" * (1 + max(map(len, primes), default=0))
 
 
+def unused(name: str, model: Equation) -> str:
+    """A name that an equation has not yet: c, c0, c1 and so on."""
+    taken = {*model.all_parameters, *model.outputs, *model.inputs, *model.hidden}
+    return next(one for one in chain([name], (f"{name}{k}" for k in count())) if one not in taken)
+
+
 def with_offset(model: Any) -> Changed:
     """An unknown offset of one channel: where it enters nonlinearly, a constant is not the same."""
     if isinstance(model, Equation) and EXTRA not in model.all_parameters:
         for x in (*model.outputs, *model.inputs):
-            yield from _tried(x, model, _replaced(model, x, f"({x} - {EXTRA})"), Free())
+            yield from _tried(x, model, _replaced(model, x, f"({x} - {EXTRA})"), Free(0.0))
 
 
 def _tried(
