@@ -106,7 +106,9 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
             delay = [name for name in other.param_names if name.startswith("delay")]
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
             found = Cure(words + late, before, after, level_p(other))
-    return found
+    # Poles follow a drift, too.
+    drift = with_drift(fit) if found and "poles=" in found.words and fit.trend == "constant" else None
+    return drift if found and drift and drift.after < found.after else found
 
 
 @kept
@@ -373,10 +375,11 @@ def _neighbours(
         for late in _likeliest_delay(fit, delays, output, channel):
             delays[output][channel] = late
             yield f"a delay{of}, delay={_told(delays)}", records, rewritten(fit, delay=delays)
-    if path < layout.orders[output]:
+    for degree in range(path + 1, layout.orders[output] + 1):  # as many as poles: an accelerometer
         more = [list(row) for row in degrees]
-        more[output][channel] = path + 1
-        yield f"one more zero{of}, zeros={_told(more)}", records, rewritten(fit, zeros=more)
+        more[output][channel] = degree
+        count = "one more zero" if degree == path + 1 else "more zeros"
+        yield f"{count}{of}, zeros={_told(more)}", records, rewritten(fit, zeros=more)
     yield from _poles(fit, output)
 
 

@@ -264,6 +264,8 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
     if cure is None:
         text += " No structure next to this one explains it: first try select_order."
         return [(Doubt(text, sure), 0.0)] if spoken else []
+    if cure.words == DRIFT:
+        text = f"The residuals of {y} follow {one.channel} ({chance}), and a slow drift explains that."
     settled = cure.level_p > UNLIKELY > SURE > level_p(fit)
     text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
     return [(Doubt(text, sure or settled), cure.before - cure.after)] if spoken or settled else []
