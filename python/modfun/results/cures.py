@@ -96,6 +96,8 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     options = on_band(fit, fit.band)
     near = _poles(fit, output) if channel is None else _neighbours(fit, output, fit.inputs.index(channel))
     for words, records, structure in near:
+        if words.startswith("more zeros") and found and found.level_p > ENOUGH:
+            continue  # what acts at once can do what a delay does
         other = again(fit, records, structure, options)
         if other is None or growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
