@@ -151,8 +151,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends,
     on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
-    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause, fed_back,
-    unsettled, unstable, condition, undeclared,
+    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause,
+    fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
