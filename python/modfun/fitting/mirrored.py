@@ -33,12 +33,12 @@ def mirrored(fit: Estimates) -> F64 | None:
         poles = roots(den)
         unstable = poles[poles.real > 0]
         shift = float(np.sum(2 * np.real(1 / unstable)))
+        sign = (-1.0) ** np.count_nonzero(unstable.imag == 0)  # the gain at low frequencies stays
         stable = np.poly(np.where(poles.real > 0, -poles.conj(), poles)).real
         moved = [*zip(range(dens[i], dens[i] + order), stable[1:], strict=True)]
         for at, degree, numerator in zip(nums[i], layout.numerators[i], numerators, strict=True):
             if degree is not None:
-                kept = numerator * stable[-1] / den[-1]  # the gain at zero frequency
-                moved += zip(range(at, at + degree + 1), kept, strict=True)
+                moved += zip(range(at, at + degree + 1), sign * numerator, strict=True)
         for place, value in moved:
             position = positions[place]
             if position is not None:
