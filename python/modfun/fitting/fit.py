@@ -134,7 +134,7 @@ def fit(
 
     stable : bool, default False
         Whether an unstable estimate of a transfer function gives way to the nearest stable model,
-        `Fit.stable`.
+        `Fit.stable`. Beside free delays it does so in any case where one is nearly as likely.
     initial_state : {"unknown", "zero", "rest", "periodic"} or array_like (state,) or (record, state)
         What is known of the state at the first sample of each record. "rest": all was steady under the
         inputs' first values, as before a step test; the offset of the output is free where `trend` says
