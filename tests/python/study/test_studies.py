@@ -187,8 +187,9 @@ def test_what_a_function_raises_is_counted_and_kept() -> None:
     assert 5 <= raised <= 25
     assert first.status["nonfinite"][0] > 0
     assert first.failures[0] == raised + first.status["nonfinite"][0]
-    assert len(first.messages) == raised
-    assert set(first.messages["text"]) == {"RuntimeError: bad day"}
+    assert len(first.messages) == first.failures[0]
+    assert set(first.messages["text"]) == {"RuntimeError: bad day", "returned a2 = nan"}
+    assert list(first.messages["text"]).count("RuntimeError: bad day") == raised
     assert first.messages == again.messages  # the generator is addressed by replicate
     _, fits = first.replicate(int(first.messages["replicate"][0]))
     assert isinstance(fits["moody"], RuntimeError)
