@@ -67,8 +67,8 @@ class Results(Figures):
         Time of each estimator, noise included, of all processes together. Methods in the compiled core
         share their noise; their common time is split as they take alone.
     messages : Table
-        What functions raised, and why records or metrics are missing: cell, estimator, replicate, text; of
-        the first hundred. `status` counts all.
+        What functions raised, or returned that is not finite, and why records or metrics are missing: cell,
+        estimator, replicate, text; of the first hundred. `status` counts all.
     notes : tuple of str
         What has to be known to read the tables, which have it in their titles.
     replicates : int
