@@ -240,25 +240,16 @@ impl TermsFitter {
         problem: &mut TermsProblem<'_>,
         from: Option<&[f64]>,
     ) -> Result<Ended, Error> {
-        self.estimate_within(self.o.options.maxiter, problem, from)
-    }
-
-    /// The same in no more than so many steps.
-    pub(super) fn estimate_within(
-        &self,
-        steps: usize,
-        problem: &mut TermsProblem<'_>,
-        from: Option<&[f64]>,
-    ) -> Result<Ended, Error> {
         let (weights, factors) = self.weights();
+        let Options { tol, maxiter, .. } = self.o.options;
         if self.o.method == Method::Ls {
-            return problem.differenced(self.o.options.tol, steps);
+            return problem.differenced(tol, maxiter);
         }
         let start = match from {
             Some(theta) => theta.to_vec(),
             None => problem.begin(None)?,
         };
-        problem.iterate(start, weights, factors, self.first_tolerance(), steps)
+        problem.iterate(start, weights, factors, self.first_tolerance(), maxiter)
     }
 
     /// How exact the first estimate is: what is only a start for slopes elsewhere need not be.

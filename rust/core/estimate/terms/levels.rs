@@ -24,8 +24,6 @@ const ROUNDS: usize = 20;
 const SETTLED: f64 = 1e-3;
 /// Rounds one after the other whose parameters did not settle: no more of them would.
 const UNSETTLED: usize = 6;
-/// Steps of a round after one that did not settle: the noise changes before more of them would lead far.
-const STEPS: usize = 10;
 /// A variance changes by no more than this factor a round.
 const MOST: f64 = 1e4;
 /// A level is at least this part of its channel's size: rows of channels that share an equation would drown in
@@ -102,9 +100,7 @@ impl TermsFitter {
             }
             let before = problem.sigmas.clone();
             problem.set_sigmas(learnt.sigmas);
-            let maxiter = self.o.options.maxiter;
-            let steps = if ended.status == Status::Ok { maxiter } else { STEPS.min(maxiter) };
-            let next = self.estimate_within(steps, problem, Some(&ended.theta))?;
+            let next = self.estimate(problem, Some(&ended.theta))?;
             if !usable(&next) {
                 problem.set_sigmas(before);
                 break;
