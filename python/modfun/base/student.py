@@ -62,7 +62,7 @@ def student_factor(degrees: Any, level: float) -> F64:
     return np.where(free > 0, stdtrit(np.where(free > 0, free, 1.0), 0.5 + level / 2), np.nan)
 
 
-def student_p(t: F64, degrees: Any) -> F64:
+def student_p(t: F64 | float, degrees: Any) -> F64:
     """Probability of a ratio at least this large, either way, of an estimate whose true value is 0."""
     from scipy.special import stdtr
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..models.free import Free
 from ..models.layout import Layout
+from ..results.diagnosis import growth
 from ..results.estimates import Estimates
 from ..results.stability import deviance
 from ..systems.polynomials import roots
@@ -64,5 +65,4 @@ def mirrored(fit: Estimates) -> F64 | None:
 
 def as_likely(fit: Estimates, twin: Estimates) -> bool:
     """Whether a stable twin on the same lines is to be taken for an unstable estimate."""
-    poles = np.concatenate([roots(twin.polynomials(i)[0]) for _, i in twin.denominators()])
-    return bool(twin.success and poles.real.max() < 0 and deviance(twin) - deviance(fit) < SURELY)
+    return twin.success and growth(twin) < 0 and deviance(twin) - deviance(fit) < SURELY

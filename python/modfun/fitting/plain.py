@@ -31,15 +31,16 @@ def fit_plain(
     refuse_standing(made.layout, ys, us, options.initial_state)
     refuse_cut_off(made.layout, [rec.t for rec in records], us)
 
-    def fitted(outputs: list[F64]) -> Fit:
-        found = made.core.fit(outputs, us)
+    def told(found: dict[str, Any]) -> Fit:
         return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=again)
 
-    fit = across(fitted(list(made.outputs) or ys), made.outputs, made.blinds, fitted)
+    def fitted(outputs: list[F64]) -> Fit:
+        return told(made.core.fit(outputs, us))
+
+    measured = list(made.outputs) or ys
+    fit = across(fitted(measured), made.outputs, made.blinds, fitted)
     if not made.layout.free_delays or (near := mirrored(fit)) is None:
         return fit
     on_lines = prepare(structure, on_band(fit, fit.band), records)
-    found = on_lines.core.fit(list(made.outputs) or ys, us, near=near.tolist())
-    found["band_rule"] = fit.band_rule
-    twin = Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=again)
+    twin = told(on_lines.core.fit(measured, us, near=near.tolist()) | {"band_rule": fit.band_rule})
     return twin if as_likely(fit, twin) else fit

@@ -93,10 +93,8 @@ class _Balance:
             return parts[0]
         if node.value == "sqrt":
             return _times(parts[0], 0.5)
-        for part in (
-            [] if node.value in STEPS else parts[:1]
-        ):  # of other functions what stands in them is of the order of 1
-            self._same(part, ({}, 0.0))
+        if parts and node.value not in STEPS:  # what stands in other functions is of the order of 1
+            self._same(parts[0], ({}, 0.0))
         return {}, 0.0
 
     def _same(self, one: tuple[dict[str, float], float], other: tuple[dict[str, float], float]) -> None:

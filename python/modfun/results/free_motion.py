@@ -10,6 +10,7 @@ from math import exp, expm1, isfinite, log, pi
 import numpy as np
 
 from ..base.cached import kept
+from ..base.student import student_p
 from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.free import Free
@@ -104,7 +105,7 @@ def _texts(fit: Estimates) -> Iterator[str]:
 
 
 def _fitted(fit: Estimates, text: str) -> Estimates | None:
-    """The fit of an equation to the same lines; None where it has no answer, or an unstable one."""
+    """The fit of an equation to the same lines; None where it has no answer."""
     model = fit.structure
     params = dict(model.params) | ({EXTRA: Free()} if EXTRA in text else {})
     try:
@@ -149,7 +150,5 @@ def _cost_p(fall: float, rows: int, left: int) -> float:
 
 def _of_estimate(fit: Estimates) -> float:
     """The same of its estimate and error, which allows for noise that is stronger where the motion is."""
-    from scipy.special import stdtr
-
     error = float(fit.bse[fit.param_names.index(EXTRA)])
-    return 2 * float(stdtr(fit.df_resid, -abs(fit[EXTRA]) / error)) if error > 0 else 1.0
+    return float(student_p(fit[EXTRA] / error, fit.df_resid)) if error > 0 else 1.0

@@ -18,6 +18,7 @@ from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
+from ..models.options import Options
 from .cures import CLOSE, ENOUGH, WORTH, Cure, Realigned, again, bic_beside, convincing, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import Doubt
@@ -93,23 +94,32 @@ def contradicted_numbers(fit: Estimates) -> Doubt | None:
     return _of_scales(made[0], angles_of(model), forces_of(model)) or _of_one(fit, *made) if made else None
 
 
-def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
-    """The numbers in the equations with their estimates, where these explain residuals beyond doubt."""
+@kept
+def _estimated(fit: Estimates) -> tuple[Any, Sequence[Number], Estimates] | None:
+    """The model with a parameter for each number, the numbers, and the fit so; None where there is none."""
     if fit.again is None or fit.records is None or fit.layout.rational or fit.options.drives:
         return None
+    made = _freed(fit.structure)
+    other = again(fit, fit.records, made[0], _options(fit)) if made else None
+    return (*made, other) if made and other is not None and other.success else None
+
+
+def _options(fit: Estimates) -> Options:
+    """Of fits with other numbers."""
+    return (on_band(fit, fit.band) if fit.usable else fit.options).replace(trend=fit.trend)
+
+
+def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
+    """The numbers in the equations with their estimates, where these explain residuals beyond doubt."""
     if fit.usable and fit.success and not suspicious(fit):
         return None
     falls = worth(fit) if fit.usable else {}
     if max(falls.values(), default=0.0) > max(falls.get(("numbers",), inf) + WORTH, WORTH):
         return None  # one change explains more than all numbers
-    made = _freed(fit.structure)
+    made = _estimated(fit)
     if made is None:
         return None
-    structure, held = made
-    options = (on_band(fit, fit.band) if fit.usable else fit.options).replace(trend=fit.trend)
-    other = again(fit, fit.records, structure, options)
-    if other is None or not other.success:
-        return None
+    _, held, other = made
     cure = Cure("", bic_beside(fit, fit) if fit.usable else inf, bic_beside(other, fit), level_p(other))
     if fit.success and not convincing(fit, cure):
         return None
@@ -193,14 +203,10 @@ def factor_beside(fit: Estimates) -> Factor | None:
 
     Which it is, a Wald test tells from a fit with a parameter for each number; that one is fitted.
     """
-    if fit.again is None or fit.records is None or fit.layout.rational or fit.options.drives:
+    made = _estimated(fit)
+    if made is None:
         return None
-    made = _freed(fit.structure)
-    options = on_band(fit, fit.band).replace(trend=fit.trend)
-    every = again(fit, fit.records, made[0], options) if made else None
-    if made is None or every is None or not every.success:
-        return None
-    held = made[1]
+    model, held, every = made
     at = [every.param_names.index(f"{FREED}{k}") for k in range(len(held))]
     ways = [*_alone(held), *_of_channels(held)]
     try:
@@ -210,9 +216,8 @@ def factor_beside(fit: Estimates) -> Factor | None:
     apart = np.asarray(every.params)[at]
     falls = [(slopes @ inverse @ apart) ** 2 / (slopes @ inverse @ slopes) for _, slopes in ways]
     name, slopes = ways[int(np.argmax(falls))]
-    other = (
-        again(fit, fit.records, _with_one(made[0], held, name, slopes), options) if len(held) > 1 else every
-    )
+    one = _with_one(model, held, name, slopes)
+    other = again(fit, fit.records or (), one, _options(fit)) if len(held) > 1 else every
     if other is None or not other.success:
         return None
     k = other.param_names.index(f"{FREED}0")

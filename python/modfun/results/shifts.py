@@ -11,6 +11,7 @@ import numpy as np
 
 from .._core import coefficients
 from ..base.arrays import C128, F64
+from ..base.student import student_p
 from ..models.noise import Noise
 from ..records.corners import driving
 from ..records.record import Record
@@ -132,14 +133,8 @@ def _tested(fit: Estimates, model: _Linear, asked: Sequence[str], *, exact: bool
     if not variance > 0:
         return None
     error, scale = float(np.sqrt(variance)), float(sizes[-1] / sizes[used + at])
-    p = _p_value(late / error, df) * int(told.sum())
+    p = float(student_p(late / error, df)) * int(told.sum())
     return Shift(channels[at], float(late) * scale, error * scale, min(p, 1.0))
-
-
-def _p_value(t: float, df: int) -> float:
-    from scipy.special import stdtr
-
-    return 2 * float(stdtr(df, -abs(t)))
 
 
 def _testable(fit: Estimates) -> bool:

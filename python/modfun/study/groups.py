@@ -188,7 +188,7 @@ class Group:
         SpecError
             Functions draw otherwise when they are called again.
         """
-        if self.state is not None or self.noise is not None:
+        if self.functions:
             self._refuse_other_numbers(seed)
         if self.noise is None:
             return self

@@ -71,8 +71,8 @@ impl JointFitter {
         }
     }
 
-    /// The same as [`JointFitter::fit`], and where errors fall beyond the end of the default band, on more lines. `before`: the estimate on
-    /// fewer.
+    /// The same as [`JointFitter::fit`], and where errors fall beyond the end of the default band, on more lines.
+    /// `before`: the estimate on fewer.
     pub(crate) fn fit_on(
         &self,
         records: &[JointRecord<'_>],
