@@ -10,7 +10,7 @@ from ..base.cached import kept
 from ..base.names import listed
 from .cures import ENOUGH, again, of_written
 from .diagnosis import level_p
-from .doubts import SURE, Doubt
+from .doubts import SURE, Doubt, noise_free
 from .driven_equations import driven
 from .estimates import Estimates
 from .held_numbers import contradicted_numbers
@@ -33,6 +33,8 @@ def unrecorded_input(fit: Estimates) -> Doubt | None:
     if fit.again is None or fit.records is None or fit.layout.rational or len(fit.outputs) < 2:
         return None
     if fit.options.noise != "output" or (fit.usable and not level_p(fit) < SURE):
+        return None
+    if fit.usable and noise_free(fit) is not None:
         return None
     plain = again(fit, fit.records, fit.structure, fit.options.replace(method="ls"))
     lines = equation_lines(plain) if plain is not None and plain.success else None
