@@ -8,6 +8,7 @@ import numpy as np
 
 from ..base.tables import Findings
 from .band_end import beyond
+from .cures import again
 from .dead_bands import stands_still, stored_late
 from .diagnosis import diagnose
 from .doubts import (
@@ -63,10 +64,16 @@ def unsettled(fit: Estimates) -> Doubt | None:
 def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state
-    if isinstance(start, str) and start == "unknown":
+    free = None
+    if not (isinstance(start, str) and start == "unknown") and fit.again and fit.records:
+        free = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
+    if free is None or not free.success:
         return _lost(fit) or fit.message
     said = repr(start) if isinstance(start, str) else "..."
-    return f'First try initial_state="unknown": the record may not begin as {said} says. {fit.message}'
+    return (
+        f'First try initial_state="unknown", with which the search ends: the record may not begin as {said} '
+        f"says. {fit.message}"
+    )
 
 
 def _lost(fit: Estimates) -> str:

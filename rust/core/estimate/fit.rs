@@ -8,6 +8,7 @@ use super::each_record::EachRecord;
 use super::options::Options;
 use super::rest::Initial;
 use super::wider::Candidate;
+use super::window::Window;
 use crate::error::Error;
 use crate::quadrature::{Hold, Rule};
 use crate::spectrum::Kind;
@@ -193,12 +194,12 @@ impl FitOptions {
         self.band == Band::Default && self.noise == Noise::Output && adapts
     }
 
-    /// Highest lines of the default rule for a window of `intervals`: wide, doubled so many times, and narrow.
-    pub(crate) fn default_lines(&self, intervals: usize, doublings: u32) -> (usize, usize) {
+    /// Highest lines of the default rule for a window: wide, doubled so many times, and narrow.
+    pub(crate) fn default_lines(&self, window: &Window, doublings: u32) -> (usize, usize) {
         let (unknowns, order) = (self.unknowns(), self.structure.order);
-        let (wide, few) = default_lines(self.method, unknowns, order, intervals, doublings);
+        let (wide, few) = default_lines(self.method, unknowns, order, window, doublings);
         match self.noise {
-            Noise::Process => (lines_of_both_noises(wide, intervals), few),
+            Noise::Process => (lines_of_both_noises(wide, window.resolved), few),
             _ => (wide, few),
         }
     }
