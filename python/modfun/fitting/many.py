@@ -100,6 +100,8 @@ def fit_each(
             except caught as error:
                 fits.append(None)
                 failures[k] = error
+            except DataError as error:
+                raise DataError(f"fit_many: record {k} of {len(data)}: {error}") from None
             else:
                 if len(failures) == k and not options.robust:  # the first
                     shared = options.replace(harmonics=None, band=fit.band)

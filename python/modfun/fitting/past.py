@@ -304,8 +304,8 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
             if kind != "zoh" and abs(row[0]) > 1e-9 * np.max(np.abs(row)):
                 raise DataError(
                     f"{told}: input {name!r} of record {k} is {row[0]:.4g} at the first sample and not held "
-                    f'(intersample={kind!r}), so it would jump from zero there; take "rest", or begin the '
-                    "record before the input moves"
+                    f"(intersample={kind!r}), so it would jump from zero there; if it does, declare it held, "
+                    'intersample="zoh"; else begin the record before the input moves, or take "rest"'
                 )
 
 

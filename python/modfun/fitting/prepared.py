@@ -359,7 +359,8 @@ def _joint(
     if isinstance(data, Batch):
         # Some of its records say how much noise there is; where that is told, one stands for all.
         looked_at = min(len(data), LOOKED_AT if options.noise == "errors-in-variables" else 1)
-        records, used = [data[k] for k in range(looked_at)], intervals * looked_at
+        whole = [k for k in range(len(data)) if np.isfinite(data.y[k]).all()] or [0]
+        records, used = [data[k] for k in whole[:looked_at]], intervals * min(looked_at, len(whole))
     else:
         records, used = list(data), intervals
     order = max(layout.orders)

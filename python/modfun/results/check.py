@@ -39,11 +39,14 @@ from .feedback import feedback
 from .free_motion import bent
 from .held_numbers import contradicted_numbers
 from .hidden_units import in_other_units
+from .jumps import jumps
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .offsets import mean, offset
 from .runaway import runaway
+from .sparse import sparse
+from .stand_in import stand_in
 from .undeclared import undeclared
 from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
@@ -156,8 +159,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    in_degrees, unlike_records, one_record, offset, mean, repeated, not_from_zero, runaway, noise_bends,
-    on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
+    in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
+    noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
     contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause,
     fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
@@ -168,7 +171,8 @@ def warnings_of(fit: Estimates) -> list[str]:
     if not fit.usable:
         return [f"fit: {_failed(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
-        found = (look(fit) for look in LOOKS)
+        whole = stand_in(fit)
+        found = (look(whole) for look in LOOKS)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
 
 
@@ -178,11 +182,12 @@ def check(fit: Estimates, line: str) -> Findings:
     if not fit.usable:
         return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
-        said = {look: look(fit) for look in LOOKS if look is not unexplained}
+        whole = stand_in(fit)
+        said = {look: look(whole) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())
-        note = noise_free(fit)
+        note = noise_free(whole)
         first = (
             in_degrees,
             stored_late,
@@ -198,12 +203,12 @@ def check(fit: Estimates, line: str) -> Findings:
         told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):
-            d = diagnose(fit)
-            residual = of_residuals(fit, d)
-            found += [clipped(fit)] if any(doubt and doubt.sure for doubt in residual) else []
+            d = diagnose(whole)
+            residual = of_residuals(whole, d)
+            found += [clipped(whole)] if any(doubt and doubt.sure for doubt in residual) else []
             named = any(doubt and 'trend="linear"' in doubt.text for doubt in residual)
-            found += [of_tone(fit), *residual, None if named else of_drift(fit)]
-            found += [of_colour(fit, d), of_time(fit)]
+            found += [of_tone(whole), *residual, None if named else of_drift(whole)]
+            found += [of_colour(whole, d), of_time(whole)]
         found += [
             biased(fit),
             minima(fit),

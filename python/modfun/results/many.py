@@ -27,6 +27,8 @@ from .process_noise import level_names, levels_of, of_many
 
 __all__ = ["FitMany"]
 
+USABLE = ("ok", "maxiter")  # of the words of status, those of fits that have an estimate
+
 
 @public
 @dataclass(frozen=True, eq=False, repr=False)
@@ -117,7 +119,7 @@ class FitMany(Elsewhere):
 
         To leave out those that did not settle would make the others look better than they are.
         """
-        found = np.isin(self.status, ("ok", "maxiter")) & np.isfinite(self.params).all(axis=1)
+        found = np.isin(self.status, USABLE) & np.isfinite(self.params).all(axis=1)
         return np.asarray(found)
 
     @property
@@ -237,10 +239,12 @@ class FitMany(Elsewhere):
     ) -> FitMany:
         """The core's answer for a batch; `look` finds noise that changes and the errors that allow for it."""
         (low, high), omega0 = found["lines"][0], found["omega0"][0]
+        status = np.array(STATUS).take(found["status"])
+        ended = np.isin(status, USABLE)[:, None]  # elsewhere the core leaves what it began with
         return FitMany(
-            params=found["theta"],
+            params=np.where(ended, found["theta"], np.nan),
             bse_even=found[f"bse_{options.cov_type.lower()}"],
-            status=np.array(STATUS).take(found["status"]),
+            status=status,
             cost=found["cost"],
             nit=found["nit"],
             param_names=layout.param_names,

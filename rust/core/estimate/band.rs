@@ -88,7 +88,8 @@ pub(crate) fn default_lines(
 ) -> (usize, usize) {
     let narrow = narrow_lines(unknowns, order);
     let intervals = window.resolved;
-    let mut wide = ((intervals / 8).max((intervals / 4).min(16)) << doublings).min((intervals - 1) / 2);
+    let mut wide =
+        ((intervals / 8).max((intervals / 4).min(16)) << doublings).min((intervals - 1) / 2);
     if intervals < window.intervals {
         wide = wide.max((unknowns + order).min(window.intervals / 4));
     }

@@ -1,0 +1,50 @@
+"""Uneven samples too far apart for the integrals of a fit: its own simulation tells, which needs none."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, cast
+
+import numpy as np
+
+from ..base.cached import kept
+from ..errors import ModfunError
+from .doubts import Doubt, rms
+from .estimates import Estimates
+
+__all__ = ["sparse"]
+
+LARGE = 3.0  # times the noise of the lines: below, estimates are rather off by their own errors
+RARE = 0.01  # probability by F below which that is no scatter of few lines
+
+
+@kept
+def sparse(fit: Estimates) -> Doubt | None:
+    """That simulated outputs miss uneven samples by far more than the noise that lines show.
+
+    Integrals over signals that move between samples are off by far more than their noise, and alike on the
+    few lines of few samples, so that residuals are small and so are standard errors.
+    """
+    if not fit.usable or fit.options.noise != "output" or fit.df_resid < 1:
+        return None
+    from scipy.special import fdtrc
+
+    for rec, levels in zip(fit.records or (), fit.noise_levels, strict=False):
+        if rec.dt is not None or rec.sigma is not None:
+            continue
+        try:
+            errors = cast(Any, fit).errors(rec)
+        except ModfunError:
+            continue
+        for name, error, level in zip(rec.outputs, errors, levels, strict=True):
+            seen = error[np.isfinite(error)]
+            ratio = rms(seen, 0.0) / level if level > 0 and seen.size else math.nan
+            if ratio > LARGE and fdtrc(seen.size, fit.df_resid, ratio**2) < RARE:
+                return Doubt(
+                    f"The simulated {name} is {rms(seen, 0.0):.3g} (rms) off its samples, {ratio:.2g} "
+                    "times the noise on the lines: the signals move between samples, which are up to "
+                    f"{np.diff(rec.t).max():.3g} s apart, or the model is another. Estimates are biased, "
+                    "and no standard error counts that. First take more samples where the outputs move; for "
+                    "these few, fit simulations, as scipy.optimize.least_squares does."
+                )
+    return None
