@@ -344,6 +344,8 @@ def _above(lines: Sequence[str], kept: Sequence[int], marks: str) -> int:
         for at, k in enumerate(kept[:SAMPLE]):
             fields = [field.strip() for field in _fields(lines[k], mark)]
             filled = [field for field in fields if field]
+            if at and not filled:  # a line between the title and the names
+                continue
             if len(fields) == count and len(set(filled)) == count:
                 below = [
                     _fields(lines[n], mark) for n in kept[at + 1 : at + 3]

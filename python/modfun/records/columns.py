@@ -37,7 +37,9 @@ __all__ = [
 
 
 # Names of columns that are times, without their unit.
-TIME_WORDS = frozenset(("t", "time", "timestamp", "elapsed time", "utc", "gmt", "irig", "irig time", "zeit"))
+TIME_WORDS = frozenset(
+    ("t", "time", "timestamp", "elapsed time", "utc", "gmt", "irig", "irig time", "zeit", "zeitstempel")
+)
 DAY = TIMES["d"][0]
 OTHERWISE = ("d", "std", "tag")  # "t_d" is a delay, "t_std" a standard deviation, "time tag" an instant
 # A name and its unit without brackets: "Zeit/min", "t_ms", "Time, s", "Zeit in Std".
@@ -185,9 +187,9 @@ def time_candidates(table: Columns) -> list[str]:
     return [name for name in table.names if _time_word(name)[0] in TIME_WORDS]
 
 
-def guess_time(table: Columns) -> str:
-    """Return the one column of times."""
-    found = time_candidates(table)
+def guess_time(table: Columns, named: Sequence[str] = ()) -> str:
+    """Return the one column of times that is not named as a channel: T is often a temperature."""
+    found = [name for name in time_candidates(table) if name not in named]
     if len(found) == 1:
         return found[0]
     problem = (

@@ -192,15 +192,15 @@ def read(
     told = table.told
     if outputs is None and not told.outputs:
         raise SpecError(f"read: say with outputs= which of the columns they are: {listed(table.names)}")
-    clock = _clock_of(table) if time is None and dt is None else time
     out = _roles(told.outputs if outputs is None else outputs, "outputs")
     into = _roles(_left(told.inputs, out) if inputs is None else inputs, "inputs")
     kept = _roles(_left(told.kept, out, into) if keep is None else keep, "keep")
+    named = {new: name for role in (out, into, kept) for new, name in role.items()}
+    clock = _clock_of(table, list(named.values())) if time is None and dt is None else time
     good = _per_output(mask, out, "mask")
     trust = _per_output(sigma, out, "sigma")
     if sigma is None:
         trust = {new: told.sigma[name] for new, name in out.items() if name in told.sigma}
-    named = {new: name for role in (out, into, kept) for new, name in role.items()}
     if units and (key := _clock_in(units, table, clock, named)):
         name, word = key
         table, units = _timed(table, name, units[word]), {n: u for n, u in units.items() if n != word}
@@ -388,11 +388,11 @@ def _mask(values: dict[str, F64], out: dict[str, str], good: dict[str, str], cou
     return None if ok.all() else ok
 
 
-def _clock_of(table: Columns) -> str | None:
-    """Return the column of times, None where the source has a step instead."""
+def _clock_of(table: Columns, named: Sequence[str]) -> str | None:
+    """Return the column of times, which is no channel; None where the source has a step instead."""
     if table.told.time is None and table.told.dt is not None:
         return None
-    return table.told.time or guess_time(table)
+    return table.told.time or guess_time(table, named)
 
 
 def _clock_in(

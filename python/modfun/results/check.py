@@ -39,7 +39,7 @@ from .feedback import feedback
 from .free_motion import bent
 from .held_numbers import contradicted_numbers
 from .hidden_units import in_other_units
-from .jumps import jumps
+from .jumps import flips, jumps
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
@@ -214,6 +214,7 @@ def check(fit: Estimates, line: str) -> Findings:
             minima(fit),
             twin(fit),
             few_samples(fit),
+            flips(fit),
             in_hertz(fit),
             beyond(fit),
         ]

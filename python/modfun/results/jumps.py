@@ -1,13 +1,13 @@
-"""Functions of time that jump inside equations: exact as inputs, sums over samples as terms."""
+"""Functions that jump inside equations: of time, exact as inputs; of outputs, where noise flips signs."""
 
 from __future__ import annotations
 
 from ..base.names import listed
 from ..language.parser import Node
-from .doubts import Doubt
+from .doubts import FINEST, Doubt, rms
 from .estimates import Estimates
 
-__all__ = ["jumps"]
+__all__ = ["flips", "jumps"]
 
 STEPS = ("step", "where", "sign", "floor")
 
@@ -34,3 +34,31 @@ def _of_time(fit: Estimates, node: Node) -> bool:
     """Whether its names are t alone, and t is time."""
     names = {each.value for each in node.walk() if each.kind == "name"}
     return names == {"t"} and "t" not in (*fit.outputs, *fit.inputs)
+
+
+def flips(fit: Estimates) -> Doubt | None:
+    """That equations take the sign of a noisy output that goes through zero."""
+    if fit.options.cov_type == "HC3" or fit.noise_levels.shape[1:] != (len(fit.outputs),):
+        return None
+    for text in getattr(fit.structure, "parsed", ()):
+        for node in text.tree.walk():
+            parts = [each for each in node.walk() if each.kind == "name"]
+            if node.kind != "call" or node.value != "sign" or len(parts) != 1:
+                continue
+            name = parts[0].value
+            if parts[0].primes == 0 and name in fit.outputs and _flips(fit, name):
+                return Doubt(
+                    f"sign({name}) takes the sign of noise where {name} goes through zero, which standard "
+                    'errors do not count: they may be several times too small. Compare cov_type="HC3".',
+                    sure=False,
+                )
+    return None
+
+
+def _flips(fit: Estimates, name: str) -> bool:
+    """Whether an output goes through zero, and has noise."""
+    for rec, levels in zip(fit.records or (), fit.noise_levels, strict=False):
+        values, level = rec[name], levels[fit.outputs.index(name)]
+        if values.min() < 0 < values.max() and level > FINEST * rms(values, 0.0):
+            return True
+    return False

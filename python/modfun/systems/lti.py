@@ -399,8 +399,10 @@ class LTI(Arithmetic):
         Raises
         ------
         SpecError
-            There is a delay and `pade` is not given, or is not a whole number above 0.
+            There is a delay and `pade` is not given, or is not a whole number above 0; or no input.
         """
+        if self.shape[1] == 0:
+            raise SpecError("to_control: a free motion has no input, and systems of python-control need one")
         if self.matrices is not None:
             made = matrices_to_control(self.matrices, self.input_delays("to_control"), pade)
         else:

@@ -364,6 +364,21 @@ def test_lines_of_a_title_above_the_names_are_skipped(file, case):
     assert rec.units == ({"q": "deg"} if case == "two" else {})
 
 
+def test_a_line_of_separators_below_a_title_is_skipped(file):
+    """Of a sheet every line has all its separators; this one was refused in words about the times."""
+    rec = read(file(text("run 3,,\n,,\nt,q,de", ",", ROWS)), outputs="q", inputs="de")
+    assert rec.outputs == ("q",)
+    assert rec.t.size == len(ROWS)
+
+
+def test_a_channel_named_t_is_no_time(file):
+    """T, a temperature that rose, was the time in silence beside a column of dates with another name."""
+    rows = "".join(f"2026-03-01 10:00:{k:02d};{20 + k * k / 9:.2f};1\n" for k in range(40))
+    rec = read(file("Zeitstempel;T;P\n" + rows), outputs="T", inputs="P")
+    assert rec.dt == pytest.approx(1.0)
+    assert rec["T"][-1] == pytest.approx(189.0)
+
+
 @pytest.mark.parametrize("head", [",q\ns,deg", "t,q\ns,deg"])
 def test_a_line_of_units_is_no_header(file, head):
     table = columns(file(text(head, ",", [row[:2] for row in ROWS])))

@@ -234,3 +234,12 @@ def test_without_control(monkeypatch):
     monkeypatch.setitem(sys.modules, "control", None)
     with pytest.raises(ImportError, match=r"LTI\.to_control needs control: pip install 'modfun\[control\]'"):
         TWO_BY_TWO.to_control()
+
+
+def test_a_free_motion_is_refused_in_words():
+    """It ended with a traceback from inside python-control."""
+    t = np.arange(0, 3, 0.005)
+    y = np.exp(-t) * np.cos(20 * t) + 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    fit = mf.fit(mf.Record(y=y, dt=0.005), mf.TransferFunction(poles=2, zeros=0))
+    with pytest.raises(mf.SpecError, match="a free motion has no input"):
+        fit.model.to_control()
