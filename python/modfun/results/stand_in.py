@@ -26,7 +26,7 @@ def stand_in(fit: Estimates) -> Estimates:
     between those beside the gap.
     """
     records = fit.records or ()
-    if not fit.usable or fit.again is None or all(rec.mask is None for rec in records):
+    if not fit.success or fit.again is None or all(rec.mask is None for rec in records):
         return fit
     if any(rec.dt is None or rec.sigma is not None or _most(rec) > FEW for rec in records):
         return fit
@@ -36,7 +36,8 @@ def stand_in(fit: Estimates) -> Estimates:
         return fit
     if not all(np.isfinite(rec.y).all() for rec in filled):
         return fit
-    return again(fit, filled, fit.structure, on_band(fit, fit.band)) or fit
+    other = again(fit, filled, fit.structure, on_band(fit, fit.band))
+    return other if other is not None and other.success else fit
 
 
 def _most(rec: Record) -> float:
