@@ -22,8 +22,8 @@ def stand_in(fit: Estimates) -> Estimates:
     """The fit of the records with their masked samples filled; the fit itself where none or many are masked.
 
     Units, signs, times and missing inputs are told by lines of even samples and by the noise that an unused
-    band shows, which masked records do not have. What is filled in is the model's response and residuals
-    between those beside the gap.
+    band shows, which masked records do not have. What is filled in is the model's response and a line between
+    the mean residuals of as many samples on either side: neighbours alone would make a pulse of noise.
     """
     records = fit.records or ()
     if not fit.success or fit.again is None or all(rec.mask is None for rec in records):
@@ -49,6 +49,11 @@ def _filled(fit: Estimates, rec: Record) -> Record:
     y = rec.y.copy()
     assert rec.mask is not None
     for own, good, response in zip(y, rec.mask, simulated, strict=True):
-        off = np.interp(rec.t[~good], rec.t[good], own[good] - response[good])
-        own[~good] = response[~good] + off
+        off, seen, lost = own - response, np.flatnonzero(good), np.flatnonzero(~good)
+        for gap in np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1) if lost.size else ():
+            at = int(np.searchsorted(seen, gap[0]))
+            before, after = off[seen[max(at - gap.size, 0) : at]], off[seen[at : at + gap.size]]
+            first = float(np.mean(before if before.size else after))
+            last = float(np.mean(after if after.size else before))
+            own[gap] = response[gap] + np.linspace(first, last, gap.size + 2)[1:-1]
     return rec._like(y=y, mask=None)

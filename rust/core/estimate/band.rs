@@ -1,6 +1,5 @@
 //! Which lines a fit uses: as given, or by the default rule.
 
-use super::window::Window;
 use crate::structure::Method;
 
 /// Standard errors may grow by this factor when the default band is narrowed.
@@ -75,7 +74,8 @@ pub(crate) fn narrow_lines(unknowns: usize, order: usize) -> usize {
 }
 
 /// Highest lines of the default rule, wide and narrow, for so many unknowns an output; the wide one doubled so many
-/// times, up to the last line below the fastest that samples show.
+/// times, up to the last line below the fastest that samples show. Intervals: all, and those of the step that most
+/// samples keep.
 ///
 /// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20). Few samples that become
 /// rarer, as of blood, keep as many lines as there are unknowns and end conditions, with two real equations a line.
@@ -83,15 +83,14 @@ pub(crate) fn default_lines(
     method: Method,
     unknowns: usize,
     order: usize,
-    window: &Window,
+    (all, intervals): (usize, usize),
     doublings: u32,
 ) -> (usize, usize) {
     let narrow = narrow_lines(unknowns, order);
-    let intervals = window.resolved;
     let mut wide =
         ((intervals / 8).max((intervals / 4).min(16)) << doublings).min((intervals - 1) / 2);
-    if intervals < window.intervals {
-        wide = wide.max((unknowns + order).min(window.intervals / 4));
+    if intervals < all {
+        wide = wide.max((unknowns + order).min(all / 4));
     }
     match method {
         Method::Ls | Method::Wls => {

@@ -8,7 +8,6 @@ use super::each_record::EachRecord;
 use super::options::Options;
 use super::rest::Initial;
 use super::wider::Candidate;
-use super::window::Window;
 use crate::error::Error;
 use crate::quadrature::{Hold, Rule};
 use crate::spectrum::Kind;
@@ -194,12 +193,16 @@ impl FitOptions {
         self.band == Band::Default && self.noise == Noise::Output && adapts
     }
 
-    /// Highest lines of the default rule for a window: wide, doubled so many times, and narrow.
-    pub(crate) fn default_lines(&self, window: &Window, doublings: u32) -> (usize, usize) {
+    /// Highest lines of the default rule for so many intervals: wide, doubled so many times, and narrow.
+    pub(crate) fn default_lines(
+        &self,
+        intervals: (usize, usize),
+        doublings: u32,
+    ) -> (usize, usize) {
         let (unknowns, order) = (self.unknowns(), self.structure.order);
-        let (wide, few) = default_lines(self.method, unknowns, order, window, doublings);
+        let (wide, few) = default_lines(self.method, unknowns, order, intervals, doublings);
         match self.noise {
-            Noise::Process => (lines_of_both_noises(wide, window.resolved), few),
+            Noise::Process => (lines_of_both_noises(wide, intervals.1), few),
             _ => (wide, few),
         }
     }

@@ -110,7 +110,7 @@ impl Fitter {
         let other = other.filter(alike).map_or(&[][..], |f| &f.records);
         let plan = |(k, (samples, time)): (usize, &(usize, Time<'_>))| {
             let window = Window::new(*samples, *time, o.longest_delay())?;
-            let (wide, narrow) = o.default_lines(&window, doublings);
+            let (wide, narrow) = o.default_lines(window.both(), doublings);
             let range = window.given(o.band, o.structure.order)?.unwrap_or((0, wide));
             let dt = if let Time::Even(dt) = time { Some(*dt) } else { None };
             let same = |r: &&RecordPlan| {

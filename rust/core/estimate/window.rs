@@ -68,6 +68,11 @@ impl Window {
         Ok(Window { lead, intervals, resolved, omega0 })
     }
 
+    /// Intervals, and as many as samples resolve.
+    pub(crate) fn both(&self) -> (usize, usize) {
+        (self.intervals, self.resolved)
+    }
+
     /// Lines for a band given by the caller, with `n` poles.
     pub(crate) fn given(&self, band: Band, n: usize) -> Result<Option<(usize, usize)>, Error> {
         let top = self.intervals / 2;

@@ -253,7 +253,7 @@ impl JointFitter {
                 .collect();
             let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
-            let (mut wide, narrow) = default_lines(o.method, each, order, &window, doublings);
+            let (mut wide, narrow) = default_lines(o.method, each, order, window.both(), doublings);
             if o.driven {
                 wide = lines_of_both_noises(wide, window.resolved);
             }

@@ -117,7 +117,7 @@ impl TermsFitter {
                 )));
             }
             let window = Window::new(*samples, *time, e.longest_lag())?;
-            let (wide, few) = default_lines(o.method, unknowns, order, &window, 0);
+            let (wide, few) = default_lines(o.method, unknowns, order, window.both(), 0);
             let range = window.given(o.band, order)?.unwrap_or((0, wide.min(WIDEST)));
             let own = uneven.get(k).cloned().unwrap_or_default();
             // The colour of the noise is read from a wide band even where the fit's is narrow.
