@@ -101,7 +101,7 @@ def read(
         Column of times, increasing. It is converted to seconds where its name says the unit, as in
         ``TIME [ms]``, ``t_ms`` or ``Zeit/min``; an unknown unit in brackets is refused.
         ``["Date", "Time"]`` are two columns, of dates and of times of day. Default: the one column named t
-        or time (with or without a unit), unless `dt` is given.
+        or time (with or without a unit) that is no channel, unless `dt` is given.
     keep : str, sequence of str or mapping, optional
         Further columns to carry along, such as an event marker for `Record.split`.
     dt : float, optional
