@@ -67,16 +67,16 @@ def unsettled(fit: Estimates) -> Doubt | None:
 def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state
-    free = None
-    if not (isinstance(start, str) and start == "unknown") and fit.again and fit.records:
-        free = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
-    if free is None or not free.success:
+    if isinstance(start, str) and start == "unknown":
         return _lost(fit) or fit.message
+    ends = ""
+    if fit.again is not None and fit.records:
+        free = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
+        if free is None or not free.success:
+            return _lost(fit) or fit.message
+        ends = ", with which the search ends"
     said = repr(start) if isinstance(start, str) else "..."
-    return (
-        f'First try initial_state="unknown", with which the search ends: the record may not begin as {said} '
-        f"says. {fit.message}"
-    )
+    return f'First try initial_state="unknown"{ends}: the record may not begin as {said} says. {fit.message}'
 
 
 def _lost(fit: Estimates) -> str:
