@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-__all__ = ["INTERSAMPLE", "STATUS", "TRENDS"]
+__all__ = ["INTERSAMPLE", "STATUS", "TRENDS", "USABLE"]
 
 # What an input does between samples.
 INTERSAMPLE = ("smooth", "zoh", "foh")
@@ -10,3 +10,5 @@ INTERSAMPLE = ("smooth", "zoh", "foh")
 TRENDS = (None, "constant", "linear")
 # How a fit ended, in the order of the core's numbers.
 STATUS = ("ok", "maxiter", "rank", "nonfinite")
+# Of these, with an estimate.
+USABLE = STATUS[:2]

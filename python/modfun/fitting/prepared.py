@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import islice
 from math import ceil
 from typing import Any, NoReturn
 
@@ -359,8 +360,8 @@ def _joint(
     if isinstance(data, Batch):
         # Some of its records say how much noise there is; where that is told, one stands for all.
         looked_at = min(len(data), LOOKED_AT if options.noise == "errors-in-variables" else 1)
-        whole = [k for k in range(len(data)) if np.isfinite(data.y[k]).all()] or [0]
-        records, used = [data[k] for k in whole[:looked_at]], intervals * min(looked_at, len(whole))
+        records = list(islice(data._finite(), looked_at)) or [data[0]]
+        used = intervals * len(records)
     else:
         records, used = list(data), intervals
     order = max(layout.orders)

@@ -8,8 +8,6 @@ from itertools import islice
 from math import nan
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN, restless
 from ..errors import ModfunError
 from ..models.noise import Noise
@@ -128,8 +126,7 @@ def read_alike(data: Any, structure: Any, options: Options, fit_once: FitOnce) -
     """
     count = FEW if isinstance(structure, TransferFunction) else 1  # fits of equations take long
     if isinstance(data, Batch):
-        some = (data[k] for k in range(len(data)) if np.isfinite(data.y[k]).all())
-        alike = agreed(list(islice(some, count)), alike=True)
+        alike = agreed(list(islice(data._finite(), count)), alike=True)
         words = decided_by_fit([(rec,) for rec in alike], structure, options, fit_once, many=True)
         return data._read_as({name: word for (name, _), (word, _) in words.items()}), in_sentences(words)
     read, notes = list(data), dict[str, None]()

@@ -16,6 +16,7 @@ from ..base.arguments import public, whole
 from ..base.arrays import F64
 from ..base.cached import cached_property
 from ..base.tables import Table
+from ..base.words import USABLE
 from ..errors import DataError, FitError, SpecError
 from ..fitting.candidates import best_of
 from ..fitting.fit import FEW_LINES, records_of
@@ -345,7 +346,7 @@ class _Race:
 
 
 def _usable(found: dict[str, Any]) -> bool:
-    return found["status"] in ("ok", "maxiter") and isfinite(found["cost"])
+    return found["status"] in USABLE and isfinite(found["cost"])
 
 
 def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -168,6 +168,10 @@ class Batch:
             inputs=self.inputs,
             intersample=self._told,
         )._read_as(self.intersample)
+
+    def _finite(self) -> Iterator[Record]:
+        """Yield the replicates whose samples are all finite, each looked at only when it is asked for."""
+        return (self[k] for k in range(len(self)) if np.isfinite(self.y[k]).all())
 
     def _read_as(self, words: Mapping[str, str]) -> Batch:
         """Return the batch with these words for inputs, by name."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..base.cached import kept
 from ..base.tables import Findings
 from .band_end import beyond
 from .cures import again
@@ -64,6 +65,7 @@ def unsettled(fit: Estimates) -> Doubt | None:
     return None if fit.success else Doubt(_message(fit))
 
 
+@kept
 def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -40,6 +40,7 @@ __all__ = [
     "numbers",
     "of_records",
     "on_bound",
+    "pieces",
     "repeated",
     "rms",
     "twin",
@@ -355,13 +356,18 @@ def clipped(fit: Estimates) -> Doubt | None:
     return None
 
 
+def pieces(fit: Estimates) -> Iterator[tuple[str, Node]]:
+    """Each piece of the texts of an `Equation`, with its text; none of other models."""
+    for text in getattr(fit.structure, "parsed", ()):
+        yield from ((text.text, node) for node in text.tree.walk())
+
+
 def in_degrees(fit: Estimates) -> Doubt | None:
     """That equations take sine, cosine or tangent of channels whose unit is not rad."""
     found: dict[str, str] = {}
-    for text in getattr(fit.structure, "parsed", ()):  # of `Equation`
-        for call in text.tree.walk():
-            if call.kind == "call" and call.value in ("sin", "cos", "tan"):
-                found |= {name: call.value for name in _addends(call.parts[0]) if _other_angle(fit, name)}
+    for _, call in pieces(fit):
+        if call.kind == "call" and call.value in ("sin", "cos", "tan"):
+            found |= {name: call.value for name in _addends(call.parts[0]) if _other_angle(fit, name)}
     if not found:
         return None
     calls = [f"{call}() of {name}, which is in {fit.units[name]}" for name, call in found.items()]

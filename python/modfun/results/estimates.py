@@ -18,6 +18,7 @@ from ..base.elsewhere import FIT, Elsewhere
 from ..base.named import Named
 from ..base.names import nearest
 from ..base.student import confidence, root, student_interval
+from ..base.words import USABLE
 from ..errors import DataError, FitError, SpecError
 from ..models.layout import Layout
 from ..models.noise import Noise
@@ -280,8 +281,7 @@ class Estimates(Elsewhere):
         if self.status == "maxiter":
             several = ", of which maxiter limits those with one weighting"
             return (
-                f"Not settled after {self.nit} iterations"
-                f"{several if self.nit > self.options.maxiter else ''}"
+                f"Not settled after {self.nit} iterations{several if self.nit > self.options.maxiter else ''}"
                 ": raise maxiter, take fewer poles or zeros, or a narrower band "
                 f"than {self.band[1]:.4g} rad/s."
             )
@@ -298,7 +298,7 @@ class Estimates(Elsewhere):
     @property
     def usable(self) -> bool:
         """Whether there are numbers, settled or not."""
-        return self.status in ("ok", "maxiter") and all(map(isfinite, self.params.tolist()))
+        return self.status in USABLE and all(map(isfinite, self.params.tolist()))
 
     @property
     def cond(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..base.names import listed
 from ..language.parser import Node
-from .doubts import FINEST, Doubt, rms
+from .doubts import FINEST, Doubt, pieces, rms
 from .estimates import Estimates
 
 __all__ = ["flips", "jumps"]
@@ -15,12 +15,10 @@ STEPS = ("step", "where", "sign", "floor")
 def jumps(fit: Estimates) -> Doubt | None:
     """That a term jumps at a time that is written in it; instants on the samples are as bad as others."""
     found: dict[str, None] = {}
-    for text in getattr(fit.structure, "parsed", ()):  # of `Equation`
-        for node in text.tree.walk():
-            if (node.kind == "compare" or (node.kind == "call" and node.value in STEPS)) and _of_time(
-                fit, node
-            ):
-                found[text.text[node.at : node.end]] = None
+    for text, node in pieces(fit):
+        steps = node.kind == "compare" or (node.kind == "call" and node.value in STEPS)
+        if steps and _of_time(fit, node):
+            found[text[node.at : node.end]] = None
     if not found:
         return None
     return Doubt(
@@ -40,18 +38,17 @@ def flips(fit: Estimates) -> Doubt | None:
     """That equations take the sign of a noisy output that goes through zero."""
     if fit.options.cov_type == "HC3" or fit.noise_levels.shape[1:] != (len(fit.outputs),):
         return None
-    for text in getattr(fit.structure, "parsed", ()):
-        for node in text.tree.walk():
-            parts = [each for each in node.walk() if each.kind == "name"]
-            if node.kind != "call" or node.value != "sign" or len(parts) != 1:
-                continue
-            name = parts[0].value
-            if parts[0].primes == 0 and name in fit.outputs and _flips(fit, name):
-                return Doubt(
-                    f"sign({name}) takes the sign of noise where {name} goes through zero, which standard "
-                    'errors do not count: they may be several times too small. Compare cov_type="HC3".',
-                    sure=False,
-                )
+    for _, node in pieces(fit):
+        parts = [each for each in node.walk() if each.kind == "name"]
+        if node.kind != "call" or node.value != "sign" or len(parts) != 1:
+            continue
+        name = parts[0].value
+        if parts[0].primes == 0 and name in fit.outputs and _flips(fit, name):
+            return Doubt(
+                f"sign({name}) takes the sign of noise where {name} goes through zero, which standard "
+                'errors do not count: they may be several times too small. Compare cov_type="HC3".',
+                sure=False,
+            )
     return None
 
 

@@ -18,7 +18,7 @@ from ..base.names import nearest
 from ..base.optional import optional
 from ..base.student import confidence, root, student_interval
 from ..base.tables import Table
-from ..base.words import STATUS
+from ..base.words import STATUS, USABLE
 from ..errors import SpecError
 from ..models.options import Options
 from .estimates import Estimates
@@ -26,8 +26,6 @@ from .fit import Fit
 from .process_noise import level_names, levels_of, of_many
 
 __all__ = ["FitMany"]
-
-USABLE = ("ok", "maxiter")  # of the words of status, those of fits that have an estimate
 
 
 @public

@@ -38,10 +38,11 @@ def sparse(fit: Estimates) -> Doubt | None:
             continue
         for name, error, level in zip(rec.outputs, errors, levels, strict=True):
             seen = error[np.isfinite(error)]
-            ratio = rms(seen, 0.0) / level if level > 0 and seen.size else math.nan
+            size = rms(seen, 0.0) if seen.size else math.nan
+            ratio = size / level if level > 0 else math.nan
             if ratio > LARGE and fdtrc(seen.size, fit.df_resid, ratio**2) < RARE:
                 return Doubt(
-                    f"The simulated {name} is {rms(seen, 0.0):.3g} (rms) off its samples, {ratio:.2g} "
+                    f"The simulated {name} is {size:.3g} (rms) off its samples, {ratio:.2g} "
                     "times the noise on the lines: the signals move between samples, which are up to "
                     f"{np.diff(rec.t).max():.3g} s apart, or the model is another. Estimates are biased, "
                     "and no standard error counts that. First take more samples where the outputs move; for "

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..base.cached import kept
 from ..errors import ModfunError
+from ..records.mask import runs
 from ..records.record import Record
 from .cures import again, on_band
 from .estimates import Estimates
@@ -49,11 +50,12 @@ def _filled(fit: Estimates, rec: Record) -> Record:
     y = rec.y.copy()
     assert rec.mask is not None
     for own, good, response in zip(y, rec.mask, simulated, strict=True):
-        off, seen, lost = own - response, np.flatnonzero(good), np.flatnonzero(~good)
-        for gap in np.split(lost, np.flatnonzero(np.diff(lost) > 1) + 1) if lost.size else ():
-            at = int(np.searchsorted(seen, gap[0]))
-            before, after = off[seen[max(at - gap.size, 0) : at]], off[seen[at : at + gap.size]]
+        off, seen = own - response, np.flatnonzero(good)
+        for start, length in zip(*runs(~good), strict=True):
+            at = int(np.searchsorted(seen, start))
+            before, after = off[seen[max(at - length, 0) : at]], off[seen[at : at + length]]
             first = float(np.mean(before if before.size else after))
             last = float(np.mean(after if after.size else before))
-            own[gap] = response[gap] + np.linspace(first, last, gap.size + 2)[1:-1]
+            gap = slice(start, start + length)
+            own[gap] = response[gap] + np.linspace(first, last, length + 2)[1:-1]
     return rec._like(y=y, mask=None)
