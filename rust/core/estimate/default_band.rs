@@ -17,16 +17,13 @@ use super::band::{BandRule, Choice, MANY, Range, SAME, fewest_lines, lower_ends}
 use super::fitter::{FitWorkspace, Fitter, Problem};
 use super::options::Start;
 use super::pass::prepare;
-use super::routh::unstable_poles;
+use super::second_start::{lowest, unstable};
 use super::uncertainty::{Information, mend_inverse};
 use crate::error::Error;
 use crate::simd::LANES;
 use crate::structure::{Method, Noise};
-
 /// Costs of two ways that differ by more, in parts of themselves, are of two minima: they come close to their ends only.
 const APART: f64 = 1e-6;
-/// By which an end from a filter has to be lower, in parts of the cost: noise alone chooses between closer ones.
-const LOWER: f64 = 0.005;
 
 impl Fitter {
     /// The default rule: fit wide from `wls` and from the narrow fit, keep the lower cost; then the
@@ -53,7 +50,7 @@ impl Fitter {
             lane = 2;
         }
         let mut cost = costs[lane];
-        let astray = self.may_have_gone_astray(&all, &costs[..=starts.len()], lane);
+        let astray = Fitter::may_have_gone_astray(&mut all, &costs[..=starts.len()], lane);
         if astray {
             (lane, cost) = self.go_from_filters(&mut all, lane, cost);
         }
@@ -67,11 +64,7 @@ impl Fitter {
         space.keep(all);
         if let Some(theta) = theta.as_mut().filter(|_| astray) {
             // Another minimum may be the lowest on fewer lines.
-            let mut few = self.problem(space, &ranges)?;
-            let cost = few.trial_from(self, Start::Theta(theta))[0];
-            let (lane, _) = self.go_from_filters(&mut few, 0, cost);
-            *theta = few.space.theta(&few.design, lane).collect();
-            space.keep(few);
+            *theta = self.lower_from_filters(space, &ranges, theta)?;
         }
         let [first, second, ..] = costs;
         let chosen = last(&ranges);
@@ -81,31 +74,37 @@ impl Fitter {
 
     /// Whether ways to these costs, in the first lanes, were so long or their ends so far apart that all may have led
     /// astray; or the best of them, to an unstable system.
-    fn may_have_gone_astray(&self, problem: &Problem, costs: &[f64], best: usize) -> bool {
+    fn may_have_gone_astray(problem: &mut Problem, costs: &[f64], best: usize) -> bool {
         let at = &problem.space.progress;
         let long = |lane: usize| at.active.0[lane] > 0.0 || at.nit.0[lane] > f64::from(MANY);
         let same = |cost: &f64| (cost - costs[0]).abs() <= APART * costs[0];
-        self.o.method == Method::Ml
-            && ((0..costs.len()).any(long)
-                || !costs.iter().all(same)
-                || self.unstable(problem, best) > 0)
+        (0..costs.len()).any(long)
+            || !costs.iter().all(same)
+            || unstable(&problem.design, &mut problem.space, best) > 0
     }
 
-    /// Unstable poles of the estimate in a lane.
-    fn unstable(&self, problem: &Problem, lane: usize) -> usize {
-        let denominator = &problem.space.iterates.theta.now[..self.o.structure.order];
-        unstable_poles(&denominator.iter().map(|a| a.0[lane]).collect::<Vec<_>>())
+    /// The estimate that these parameters or regressions behind filters lead to, close to its end.
+    pub(super) fn lower_from_filters(
+        &self,
+        space: &mut FitWorkspace,
+        ranges: &[Range],
+        theta: &[f64],
+    ) -> Result<Vec<f64>, Error> {
+        let mut problem = self.problem(space, ranges)?;
+        let cost = problem.trial_from(self, Start::Theta(theta))[0];
+        let (lane, _) = self.go_from_filters(&mut problem, 0, cost);
+        let theta = problem.space.theta(&problem.design, lane).collect();
+        space.keep(problem);
+        Ok(theta)
     }
 
     /// Goes again from regressions behind filters and says which lane is best then, and its cost: one of these, if its cost
     /// is lower and no more of its poles are unstable. Else all stays as it was.
     fn go_from_filters(&self, problem: &mut Problem, lane: usize, cost: f64) -> (usize, f64) {
-        let most = self.unstable(problem, lane);
+        let most = unstable(&problem.design, &mut problem.space, lane);
         problem.space.before.copy(&problem.space.iterates, [true; LANES]);
         let costs = problem.trial_from(self, Start::Filtered);
-        let lower =
-            |k: &usize| costs[*k] < cost * (1.0 - LOWER) && self.unstable(problem, *k) <= most;
-        let best = (0..LANES).filter(lower).min_by(|a, b| costs[*a].total_cmp(&costs[*b]));
+        let best = lowest(&problem.design, &mut problem.space, costs, (cost, most));
         match best {
             Some(best) => (best, costs[best]),
             None => {

@@ -11,7 +11,7 @@ pub(crate) use workspace::{FitWorkspace, Problem, binary_unit};
 
 use super::aliasing::Aliasing;
 use super::answer::Answer;
-use super::band::{BandRule, Choice, Range};
+use super::band::{BandRule, Choice, MANY, Range};
 use super::design::Design;
 use super::fit::{Fit, FitOptions, RecordView, Time};
 use super::options::Start;
@@ -22,7 +22,7 @@ use super::shared::Shared;
 use super::spare::Spare;
 use super::wider::reaches_further;
 use super::window::{Window, coefficient_plans};
-use crate::error::Error;
+use crate::error::{Error, Status};
 use crate::modulation::Lines;
 use crate::simd::{Isa, LANES};
 use crate::spectrum::CoefficientPlan;
@@ -225,6 +225,16 @@ impl Fitter {
         let end = |fit: &Fit| End { status: fit.answer.status, cost: fit.answer.cost };
         for more in starts {
             let other = self.finish(space, ranges, Start::Each(more), None)?;
+            if end(&other).is_better_than(end(&best)) {
+                best = other;
+            }
+        }
+        // From `wls` alone the lanes go again by themselves.
+        let lost = matches!(best.answer.status, Status::Rank | Status::NonFinite);
+        let settled = best.answer.status == Status::Ok && best.answer.nit <= MANY;
+        if matches!(first, Start::Each(_)) && self.o.noise == Noise::Output && !(lost || settled) {
+            let theta = self.lower_from_filters(space, ranges, &best.answer.theta)?;
+            let other = self.finish(space, ranges, Start::Theta(&theta), rule)?;
             if end(&other).is_better_than(end(&best)) {
                 best = other;
             }

@@ -80,6 +80,15 @@ impl Iterates {
         }
     }
 
+    /// Copies one lane of the current iterate from a lane of others.
+    pub fn take_lane(&mut self, lane: usize, from: &Iterates, of: usize) {
+        let transients = self.transients.iter_mut().zip(&from.transients);
+        let pairs = transients.map(|(to, from)| (&mut to.now, &from.now));
+        for (to, from) in std::iter::once((&mut self.theta.now, &from.theta.now)).chain(pairs) {
+            to.iter_mut().zip(from).for_each(|(to, from)| to.0[lane] = from.0[of]);
+        }
+    }
+
     /// Makes the next iterate the current one in the lanes `of`.
     #[inline(always)]
     pub fn advance<L: Lanes>(&mut self, of: L) {

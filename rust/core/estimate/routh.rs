@@ -3,18 +3,22 @@
 /// Roots of sⁿ + a₁ sⁿ⁻¹ + … + aₙ with a positive real part: sign changes in the first column of Routh's scheme. Roots
 /// on the imaginary axis count, too.
 pub(crate) fn unstable_poles(a: &[f64]) -> usize {
-    let all = || std::iter::once(1.0).chain(a.iter().copied());
-    let mut upper: Vec<f64> = all().step_by(2).collect();
-    let mut lower: Vec<f64> = all().skip(1).step_by(2).collect();
+    let mut all: Vec<f64> = std::iter::once(1.0).chain(a.iter().copied()).collect();
+    unstable_roots(&mut all)
+}
+
+/// The same of a polynomial with its first coefficient, in place of which the scheme's first column is written: two rows
+/// stand in it in turn.
+pub(crate) fn unstable_roots(row: &mut [f64]) -> usize {
     let mut changes = 0;
-    while let Some(first) = lower.first() {
-        let ratio = upper[0] / first;
+    for k in 1..row.len() {
+        let ratio = row[k - 1] / row[k];
         // NaN is no sign, either.
         let same = ratio > 0.0;
         changes += usize::from(!same);
-        let below = lower.iter().skip(1).copied().chain([0.0]);
-        let next = upper.iter().skip(1).zip(below).map(|(a, b)| a - ratio * b).collect();
-        upper = std::mem::replace(&mut lower, next);
+        for j in (k + 1..row.len() - 1).step_by(2) {
+            row[j] -= ratio * row[j + 1];
+        }
     }
     changes
 }

@@ -1,54 +1,115 @@
-//! A second start for lanes that took many steps: the estimate on few lines, where noise rules less.
+//! Other starts for lanes that took many steps: the estimate on few lines, and regressions behind filters.
 //!
 //! From `wls` the right minimum is 5 to 10 steps away; a way that leads astray, into another minimum or nowhere, is
-//! longer. Such a lane goes again, from the estimate on the lower lines that tell its unknowns, and keeps the better
-//! end. What other lanes do changes no bit of it.
+//! longer. Such a lane goes again, from the estimate on the lower lines that tell its unknowns, where noise rules less,
+//! and from regressions behind eight filters. It keeps the best end. What other lanes do changes no bit of it.
 
 use super::again::Estimation;
 use super::band::{CLOSE, MANY};
 use super::completion::{complete, status};
 use super::design::Design;
 use super::iterate::iterate;
-use super::options::Options;
+use super::options::{Options, Start, Wanted};
 use super::outcome::End;
 use super::pass::prepare;
+use super::replicates::estimate;
+use super::routh::unstable_roots;
 use super::rule::Rule;
 use super::uncertainty;
 use super::workspace::Workspace;
-use crate::simd::{Isa, LANES};
+use crate::simd::{Isa, LANES, numbers_mut};
+
+/// By which an end from a filter has to be lower, in parts of the cost: noise alone chooses between closer ones.
+const LOWER: f64 = 0.005;
 
 impl Estimation<'_> {
-    /// Goes again where the way was long; the better of both ends stands in each lane.
+    /// Goes again where the way was long; the best of all ends stands in each lane.
     pub fn go_again(&self, w: &mut Workspace, live: [bool; LANES], rule: Rule) {
-        let Estimation { isa, design: d, options: o, .. } = *self;
-        let long = |lane: usize| {
-            w.progress.active.0[lane] > 0.0 || w.progress.nit.0[lane] > f64::from(MANY)
-        };
-        let again: [bool; LANES] = std::array::from_fn(|lane| live[lane] && long(lane));
-        if again == [false; LANES] {
-            return;
+        let again: [bool; LANES] = std::array::from_fn(|lane| live[lane] && is_long(w, lane));
+        if again != [false; LANES] {
+            let first = ends(self.isa, self.design, w, live);
+            let best = self.from_few_lines(w, again, rule, first);
+            self.from_filters(w, again, rule, best);
         }
+    }
+
+    /// From the estimate on few lines, where there are more; the better ends.
+    fn from_few_lines(
+        &self,
+        w: &mut Workspace,
+        lanes: [bool; LANES],
+        rule: Rule,
+        best: [End; LANES],
+    ) -> [End; LANES] {
+        let Estimation { isa, design: d, options: o, .. } = *self;
         let few = |lines: usize| d.few_lines().min(lines);
         let fewer = w.records.iter().any(|r| few(r.lines) < r.lines);
         if !fewer || !d.determined(w.records.iter().map(|r| few(r.lines))) {
-            return;
+            return best;
         }
-        let first = ends(isa, d, w, live);
+        self.try_from(w, lanes, rule, best, |w| {
+            w.records.iter_mut().for_each(|r| r.limit = few(r.lines));
+            w.begin(lanes);
+            iterate(isa, d, w, Rule::Wls, o);
+            iterate(isa, d, w, rule, &Options { tol: o.tol.max(CLOSE), ..*o });
+            w.records.iter_mut().for_each(|r| r.limit = r.lines);
+        })
+    }
+
+    /// From regressions behind filters, where one of these ways ends lower and no more unstable.
+    fn from_filters(
+        &self,
+        w: &mut Workspace,
+        mut lanes: [bool; LANES],
+        rule: Rule,
+        best: [End; LANES],
+    ) {
+        let Estimation { isa, design: d, options: o, .. } = *self;
+        let mut other = w.other.take().unwrap_or_else(|| Box::new(Workspace::new(d)));
+        let options = Options { wanted: Wanted::Cost, tol: o.tol.max(CLOSE), ..*o };
+        for lane in 0..LANES {
+            if !lanes[lane] {
+                continue;
+            }
+            other.load_lane(w, lane);
+            let outcome = estimate(isa, d, &mut other, [true; LANES], Start::Filtered, &options);
+            let costs = std::array::from_fn(|k| {
+                End { status: outcome.status[k], cost: other.cost(k) }.cost()
+            });
+            let most = unstable(d, w, lane);
+            let end = lowest(d, &mut other, costs, (best[lane].cost(), most));
+            lanes[lane] = end.is_some();
+            if let Some(end) = end {
+                let Workspace { before, iterates, .. } = &mut *other;
+                before.take_lane(lane, iterates, end);
+            }
+        }
+        if lanes != [false; LANES] {
+            self.try_from(w, lanes, rule, best, |w| w.iterates.copy(&other.before, lanes));
+        }
+        w.other = Some(other);
+    }
+
+    /// Iterates these lanes from where `begin` puts them; the better of both ends stands in each, and is returned.
+    fn try_from(
+        &self,
+        w: &mut Workspace,
+        lanes: [bool; LANES],
+        rule: Rule,
+        best: [End; LANES],
+        begin: impl FnOnce(&mut Workspace),
+    ) -> [End; LANES] {
+        let Estimation { isa, design: d, options: o, .. } = *self;
         let (progress, dependent) = (w.progress, w.dependent);
         w.before.copy(&w.iterates, [true; LANES]);
-
-        w.records.iter_mut().for_each(|r| r.limit = few(r.lines));
-        w.begin(again);
-        iterate(isa, d, w, Rule::Wls, o);
-        iterate(isa, d, w, rule, &Options { tol: o.tol.max(CLOSE), ..*o });
-        w.records.iter_mut().for_each(|r| r.limit = r.lines);
-        w.begin(again);
+        begin(w);
+        w.begin(lanes);
         prepare(isa, d, w);
         isa.run(uncertainty::Transients { design: d, space: w });
         iterate(isa, d, w, rule, o);
 
-        let second = ends(isa, d, w, again);
-        let better = |k: usize| again[k] && second[k].is_better_than(first[k]);
+        let ended = ends(isa, d, w, lanes);
+        let better = |k: usize| lanes[k] && ended[k].is_better_than(best[k]);
         let stay = std::array::from_fn(|lane| !better(lane));
         w.iterates.copy(&w.before, stay);
         for lane in 0..LANES {
@@ -61,7 +122,35 @@ impl Estimation<'_> {
                 w.progress.nit.0[lane] += progress.nit.0[lane];
             }
         }
+        std::array::from_fn(|k| if stay[k] { best[k] } else { ended[k] })
     }
+}
+
+/// Whether a lane took more steps than a way to the right minimum takes, or has not settled.
+fn is_long(w: &Workspace, lane: usize) -> bool {
+    w.progress.active.0[lane] > 0.0 || w.progress.nit.0[lane] > f64::from(MANY)
+}
+
+/// The lane of the lowest of the costs from filters, if it is worth it against that of a way with so many unstable poles.
+pub(super) fn lowest(
+    d: &Design,
+    w: &mut Workspace,
+    costs: [f64; LANES],
+    (cost, most): (f64, usize),
+) -> Option<usize> {
+    let mut worth = |k: &usize| costs[*k] < cost * (1.0 - LOWER) && unstable(d, w, *k) <= most;
+    (0..LANES).filter(&mut worth).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))
+}
+
+/// Unstable poles of the estimate in a lane.
+pub(super) fn unstable(d: &Design, w: &mut Workspace, lane: usize) -> usize {
+    let n = d.structure.order;
+    let polynomial = &mut numbers_mut(&mut w.work)[..=n];
+    polynomial[0] = 1.0;
+    for (to, a) in polynomial[1..].iter_mut().zip(&w.iterates.theta.now) {
+        *to = a.0[lane];
+    }
+    unstable_roots(polynomial)
 }
 
 /// How each lane ends where it stands.

@@ -38,6 +38,8 @@ pub struct Workspace {
     pub(crate) iterates: Iterates,
     /// Where lanes stood before they went from a second start.
     pub(crate) before: Iterates,
+    /// Where one lane's coefficients go from eight starts at once, once that was needed.
+    pub(crate) other: Option<Box<Workspace>>,
     pub(crate) progress: Progress,
     /// Lanes in which the last step by orthogonal factors met dependent columns.
     pub(crate) dependent: [bool; LANES],
@@ -124,6 +126,7 @@ impl Workspace {
             global: wide(extra * (extra + 1)),
             iterates: Iterates::new(p, d.transient, d.records.len()),
             before: Iterates::new(p, d.transient, d.records.len()),
+            other: None,
             progress: Progress::default(),
             dependent: [false; LANES],
             unknowns: wide(size.max(extra)),
@@ -172,6 +175,16 @@ impl Workspace {
                 r.im[signal * r.lines] = Wide::ZERO;
             }
         }
+    }
+
+    /// One lane's coefficients of another workspace of the same design, in all lanes.
+    pub(crate) fn load_lane(&mut self, from: &Workspace, lane: usize) {
+        for (to, from) in self.records.iter_mut().zip(&from.records) {
+            let values = to.re.iter_mut().zip(&from.re).chain(to.im.iter_mut().zip(&from.im));
+            values.for_each(|(to, from)| *to = Wide::splat(from.0[lane]));
+            to.inputs_ready = false;
+        }
+        self.straight.inputs_ready = false;
     }
 
     /// Nothing known yet: the live lanes iterate, the others do not.
