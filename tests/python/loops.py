@@ -7,7 +7,7 @@ from typing import Any
 
 import modfun as mf
 import numpy as np
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter, tf2ss
 
 PLANT = mf.tf([5.0], [1.0, 0.5, -2.0])
 TRUTH = np.array([0.5, -2.0, 5.0])
@@ -53,6 +53,38 @@ def flown(
 def record(noise: float, seed: int, **words: Any) -> mf.Record:
     y, u = flown(noise, seed, **words)
     return mf.Record(y=y, u=u, dt=DT, intersample="zoh", keep={"r": command()})
+
+
+def closed(
+    poly: tuple[Any, Any],
+    gains: tuple[float, float, float],
+    r: np.ndarray,
+    dt: float,
+    share: float,
+    seed: int,
+) -> mf.Record:
+    """Any plant, held, under gains of the error, of its integral and of the measured rate, a sample late.
+
+    `share`: noise of the sensor over the response.
+    """
+    a, b, c, _ = tf2ss(*poly)
+    step, kick = cont2discrete((a, b, c, np.zeros((1, 1))), dt)[:2]
+
+    def flown(level: float) -> tuple[np.ndarray, np.ndarray]:
+        e = level * np.random.default_rng(seed).standard_normal(r.size)
+        x, y, u = np.zeros(len(a)), np.zeros(r.size), np.zeros(r.size)
+        total = rate = last = seen = 0.0
+        for k in range(r.size):
+            y[k] = (c @ x)[0] + e[k]
+            total += gains[1] * (r[k] - seen) * dt
+            rate, last = 0.5 * rate - 0.5 * (seen - last) / dt, seen
+            u[k] = gains[0] * (r[k] - seen) + total + gains[2] * rate
+            seen = y[k]
+            x = step @ x + kick[:, 0] * u[k]
+        return y, u
+
+    y, u = flown(share * float(flown(0.0)[0].std()))
+    return mf.Record(y=y, u=u, dt=dt, intersample="zoh", keep={"r": r})
 
 
 @cache

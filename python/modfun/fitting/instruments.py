@@ -22,7 +22,11 @@ __all__ = ["explained", "referenced_fit", "refuse_reference"]
 
 ROUNDS = 20
 SETTLED = 1e-3  # of a standard error: change of a parameter that ends the rounds
-STEP = 0.3  # of a standard error: differences of rounds
+STEP = 0.1  # of a standard error: differences of rounds
+SLOW = 0.3  # of the change before: from there on the slopes are found anew,
+BENDS = 6  # and so often at most
+LOST = 1e3  # standard errors, the same: from there no round returns
+LEAST = 1e-12  # variance along an axis, over the largest: rounding
 BEYOND = 4  # times the highest line used: lines on which outputs follow the inputs' rest
 FINE = 8  # blocks of an impulse response per period of the highest line
 LONGEST = 120  # blocks
@@ -66,7 +70,7 @@ def referenced_fit(
     fit = rounds.settled(direct)
     if fit is None:
         raise FitError(
-            f"fit: reference={', '.join(names)!r}: the estimate did not settle in {ROUNDS} rounds, since the "
+            f"fit: reference={', '.join(names)!r}: the estimate did not settle, since the "
             "reference explains too little of the inputs; take one that moves them more, or a longer record"
         )
     widened = {name: rounds.carried @ getattr(fit, name) @ rounds.carried.T for name in COVARIANCES}
@@ -121,17 +125,21 @@ class _Rounds:
     def settled(self, fit: Fit) -> Fit | None:
         """The fit at which a round changes nothing; None where there is none."""
         params: F64 = fit.params
+        far, anew = np.inf, 0
         for k in range(ROUNDS):
             fit = self.after(params)
-            if not fit.usable:
+            if not (fit.usable and fit.success) or (k and far > LOST):
                 return None
             step = fit.params - params
+            before, far = far, float(np.max(np.abs(step) / self._sizes(fit)))
             if k == 0:  # the band is chosen once
                 edges = (fit.band[0], fit.band[1] * (1 + 1e-9))
                 self.options = self.options.replace(band=edges, harmonics=None)
-            elif k == 1 or k % 6 == 0:  # anew now and then, since the response bends
+            elif k == 1 or far > max(SLOW * before, SETTLED):  # anew where it bends
+                if (anew := anew + 1) > BENDS:
+                    return None
                 self.carried = np.asarray(np.linalg.pinv(np.eye(params.size) - self._slopes(params, fit)))
-            if k and np.max(np.abs(step) / self._sizes(fit)) < SETTLED:
+            if k and far < SETTLED:
                 return fit
             params = params + self.carried @ step if k else fit.params
         return None
@@ -146,15 +154,26 @@ class _Rounds:
         return made
 
     def _slopes(self, params: F64, fit: Any) -> F64:
-        """Slopes of a round's estimate by the parameters of its response."""
-        sizes = self._sizes(fit)
-        found = np.zeros((params.size, params.size))
-        for j in np.flatnonzero(np.isfinite(sizes)):
+        """Slopes of a round's estimate by the parameters of its response.
+
+        Along the axes of their covariance: one parameter alone, moved by its standard error, is far from all
+        that a record allows where estimates go together, and the response bends on the way.
+        """
+        free = np.flatnonzero(np.isfinite(self._sizes(fit)))
+        sizes = fit.bse[free]
+        spread, axes = np.linalg.eigh(
+            np.asarray(fit.cov_params())[np.ix_(free, free)] / np.outer(sizes, sizes)
+        )
+        ways = sizes[:, None] * axes * np.sqrt(np.maximum(spread, LEAST * spread[-1]))
+        moved = np.zeros((params.size, free.size))
+        for j, way in enumerate(ways.T):
             beside = params.copy()
-            beside[j] += STEP * sizes[j]
+            beside[free] += STEP * way
             other = self.after(beside)
             if other.usable:
-                found[:, j] = (other.params - fit.params) / (STEP * sizes[j])
+                moved[:, j] = (other.params - fit.params) / STEP
+        found = np.zeros((params.size, params.size))
+        found[:, free] = moved @ np.linalg.inv(ways)
         return found
 
     @staticmethod

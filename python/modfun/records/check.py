@@ -338,8 +338,8 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
     if name in record.outputs and (width := dead_band(values)):
         yield (
             f"Output {name!r} keeps its value until it has changed by {width:.3g}, as a data historian "
-            "stores it: responses look late and small. Store it without a dead band, or draw lines between "
-            "the stored values."
+            "stores it: responses look late and small. Store it without a dead band, or draw a curve "
+            "between the stored values, as fit.check() says."
         )
         return
     if found := [*frozen_samples(record, name), *dropped_samples(record, name)]:

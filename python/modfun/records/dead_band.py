@@ -10,9 +10,11 @@ from .mask import runs
 
 __all__ = ["FROZEN", "dead_band", "dropouts", "frozen", "off_line"]
 
-REPEATED = 0.3  # of the samples, at least
+REPEATED = 0.1  # of the samples, at least
 CHANGES = 10  # at least
-LEAST = 0.5  # of the median change: noise and motion go beyond the dead band, rarely far
+LEAST = 0.5  # of the median change, or this over their number: some of so many changes would be smaller,
+MANY_CHANGES = 30  # were there no dead band: all of N are larger than x times the median with exp(-N x/2)
+OWN = 0.5  # of the changes lead to a value of its own, at least: a sensor of uneven codes has few
 FROZEN = 5  # equal samples, at least, of a channel that
 RARELY = 0.005  # of the other samples repeat the one before
 SHORT = 10  # equal samples, at most, of a dropout
@@ -37,7 +39,10 @@ def dead_band(values: F64) -> float:
     least = float(moved.min())
     multiples = moved / least
     rounded = np.abs(multiples - np.rint(multiples)).max() < GRID
-    return 0.0 if rounded or least < LEAST * np.median(moved) else least
+    held = np.gcd.reduce(np.diff(np.flatnonzero(change))) > 1  # by a sensor of another rate
+    coded = np.unique(values).size < OWN * moved.size
+    usual = min(LEAST, MANY_CHANGES / moved.size) * np.median(moved)
+    return 0.0 if rounded or held or coded or least < usual else least
 
 
 def frozen(values: F64) -> tuple[int, int] | None:

@@ -57,6 +57,7 @@ from .unrecorded_inputs import unrecorded_input
 __all__ = ["check", "warnings_of"]
 
 
+COMMAND = "r"  # of a loop, as messages name it
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -131,9 +132,27 @@ def fed_back(fit: Estimates) -> Doubt | None:
     u = found.channel
     return Doubt(
         f"{u} follows earlier residuals of {found.output} (p = {found.p_value:.1g}): a loop feeds the noise "
-        f"back, which biases the estimates by about {found.bias:.2g} standard errors. First keep the "
-        f'command of the loop in the record, Record(keep={{"r": ...}}), and fit with reference="r".',
+        f"back, which biases the estimates by about {found.bias:.2g} standard errors. {_by_command(fit, u)}",
         sure=found.p_value < SURE and found.least > BIASED,
+    )
+
+
+def _by_command(fit: Estimates, channel: str) -> str:
+    """What to do about a loop: its command as the reference, or where that one was tried in vain, another."""
+    free = "" if fit.options.initial_state == "unknown" else ', initial_state="unknown"'
+    kept = fit.records[0].kept if fit.records else ()
+    name = COMMAND if COMMAND in kept else kept[0] if len(kept) == 1 else ""
+    if not name:
+        words = f'Record(keep={{"{COMMAND}": ...}}), and fit with reference="{COMMAND}"{free}'
+        helps = f"it helps where the command moves {channel} more than noise does"
+        return f"First keep the command of the loop in the record, {words}; {helps}."
+    options = fit.options.replace(reference=(name,), initial_state="unknown")
+    other = again(fit, fit.records, fit.structure, options) if fit.again is not None else None
+    if other is not None and not warnings_of(other):
+        return f'First fit with the command of the loop, reference="{name}"{free}.'
+    return (
+        f'A fit with reference="{name}" does not settle or leaves more than noise: {name} moves {channel} '
+        "too little beside the noise. First take one that moves it more, a longer record, or fewer poles."
     )
 
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..records.check import dropped_samples, frozen_samples
 from ..records.dead_band import dead_band
+from ..records.record import Record
+from .cures import again, furthest, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 
 __all__ = ["stands_still", "stored_late"]
+
+MOVED = 1.0  # standard errors: what a dead band may do to an estimate unsaid
 
 
 def stored_late(fit: Estimates) -> Doubt | None:
@@ -20,12 +26,43 @@ def stored_late(fit: Estimates) -> Doubt | None:
                 return Doubt(
                     f"Output {name!r}{where} keeps its value until it has changed by {width:.3g}, as a data "
                     "historian stores it, and the fit takes these values for samples. First store it without "
-                    "a dead band, or draw lines between the stored values, k = np.r_[True, "
-                    f"np.diff(rec[{name!r}]) != 0] and rec.assign({name}=np.interp(rec.t, rec.t[k], "
-                    f"rec[{name!r}][k])).",
-                    sure=level_p(fit) < SURE,
+                    "a dead band, or draw a curve between the stored values that stays within it, k = "
+                    f"np.r_[True, np.diff(rec[{name!r}]) != 0] and rec.assign({name}=np.clip("
+                    f"scipy.interpolate.CubicSpline(rec.t[k], rec[{name!r}][k])(rec.t), rec[{name!r}] - "
+                    f"{width:.4g}, rec[{name!r}] + {width:.4g})).{_of_delays(fit)}",
+                    sure=level_p(fit) < SURE or _moves(fit),
                 )
     return None
+
+
+def _of_delays(fit: Estimates) -> str:
+    """What no curve brings back of a free delay."""
+    free = fit.layout.rational and fit.layout.free_delays
+    words = " The free delay stays uncertain by half the time between stored values."
+    return words if free else ""
+
+
+def _moves(fit: Estimates) -> bool:
+    """Whether curves instead of held values change an estimate by more than its standard error."""
+    if fit.again is None or fit.records is None:
+        return False
+    other = again(fit, tuple(_curved(rec) for rec in fit.records), fit.structure, on_band(fit, fit.band))
+    if other is None or other.params.shape != fit.params.shape:
+        return False
+    return furthest(fit, other)[-1] > MOVED
+
+
+def _curved(rec: Record) -> Record:
+    """The record with curves in the place of values that a dead band holds."""
+    from scipy.interpolate import CubicSpline
+
+    found = {}
+    for name in rec.outputs:
+        if width := dead_band(rec[name]):
+            k = np.r_[True, np.diff(rec[name]) != 0]
+            curve = CubicSpline(rec.t[k], rec[name][k])(rec.t)
+            found[name] = np.clip(curve, rec[name] - width, rec[name] + width)
+    return rec.assign(**found)
 
 
 def stands_still(fit: Estimates) -> Doubt | None:

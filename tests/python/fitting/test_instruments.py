@@ -174,7 +174,7 @@ def test_a_reference_that_explains_nothing_is_said() -> None:
     y, u = loops.flown(LEVEL, 0)
     other = np.random.default_rng(5).standard_normal(y.size)
     rec = mf.Record(y=y, u=u, dt=DT, intersample="zoh", keep={"r": other})
-    with pytest.raises(mf.FitError, match="did not settle in 20 rounds"):
+    with pytest.raises(mf.FitError, match="did not settle, since the reference explains too little"):
         mf.fit(rec, MODEL, reference="r")
 
 
@@ -182,3 +182,15 @@ def test_the_only_input_is_no_reference() -> None:
     rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
     with pytest.raises(mf.SpecError, match="fit: reference='u': no input is left that it explains"):
         mf.fit(rec, MODEL, reference="u")
+
+
+def test_estimates_that_go_together_settle_all_the_same() -> None:
+    """Third order under rare steps, 20 % noise: 2 of these 6 records did not settle, since one parameter
+    alone was moved by its standard error, which the others make ten times larger.
+    """
+    plant, model = ([4.0, 8.0], np.polymul([1, 3], [1, 1.0, 4])), mf.TransferFunction(poles=3, zeros=1)
+    for seed in (4, 5, 6, 9, 10, 11):
+        r = np.repeat(np.random.default_rng(seed).choice([-1.0, 0, 1.0], 500 // 80 + 2), 80)[:501]
+        rec = loops.closed(plant, (0.8, 0.0, 0.3), r, 0.05, 0.2, seed)
+        fit = mf.fit(rec, model, reference="r")
+        assert np.all(np.abs(fit.params - [4.0, 7.0, 12.0, 4.0, 8.0]) < 4 * fit.bse)

@@ -8,6 +8,7 @@ import flights
 import modfun as mf
 import numpy as np
 import pytest
+import scipy.interpolate
 from modfun.records.dead_band import dead_band, frozen
 
 PLANT = mf.tf([12], [30, 1])
@@ -31,22 +32,54 @@ def stored(values: np.ndarray, width: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("width", [1.0, 2.0])
-def test_the_dead_band_is_the_first_thing_said_and_lines_cure_most_of_it(width: float) -> None:
-    """In all of 10 records each; the numerator, 7 and 15 % too small, is within 0.5 and 5 %."""
+def test_the_dead_band_is_the_first_thing_said_and_a_curve_cures_most_of_it(width: float) -> None:
+    """In all of 10 records each; the numerator, 7 and 15 % too small, is within 2 %."""
     off = []
     for seed in range(10):
         rec = mf.Record(y=stored(heated(seed), width), **TOLD)
         with pytest.warns(mf.ModfunWarning, match=f"'y' keeps its value until it has changed by {width:.1g}"):
             fit = mf.fit(rec, MODEL)
         assert any("keeps its value" in text for text in rec.check())
-        k = np.r_[True, np.diff(rec["y"]) != 0]  # as the message says
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # lines over minutes of rest are no noise
-            after = mf.fit(rec.assign(y=np.interp(rec.t, rec.t[k], rec["y"][k])), MODEL)
+            warnings.simplefilter("ignore")  # curves over minutes of rest are no noise
+            after = mf.fit(curved(rec), MODEL)
         off.append([fit["b0"] / 0.4 - 1, after["b0"] / 0.4 - 1])
     before, cured = np.abs(np.mean(off, axis=0))
     assert before > 0.05 * width
-    assert cured < before / 3
+    assert cured < 0.02
+
+
+def curved(rec: mf.Record) -> mf.Record:
+    """As the message says."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        (text,) = [one for one in mf.fit(rec, MODEL).check() if "keeps its value" in one]
+    at, change = text.split("stays within it, k = ")[1].split(" and ")
+    k = eval(at, {"np": np, "rec": rec})
+    return eval(change.split("))")[0] + "))", {"np": np, "scipy": scipy, "rec": rec, "k": k})
+
+
+def test_dead_bands_that_no_residual_shows_are_named_with_what_a_curve_leaves_of_a_delay() -> None:
+    """Two levels that change each 15 s, a band of a tenth of the response: 1 of 6 such records was named.
+
+    Lines gave a gain 4 % too small and raw values a delay 1.2 s too long; curves give 2 % and 0.4 s.
+    """
+    slow = mf.tf([12], [30, 1], delay=5.0)
+    free = mf.TransferFunction(poles=1, zeros=0, delay=mf.Free(4.0, min=0, max=20))
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.choice([-1.0, 1.0], 81), 15)[:1200]
+        clean = slow.simulate(u=u, dt=1.0, intersample="zoh")
+        noisy = clean + 0.01 * clean.std() * rng.standard_normal(1200)
+        rec = mf.Record(y=stored(noisy, 0.2 * clean.std()), u=u, dt=1.0, intersample="zoh")
+        with pytest.warns(mf.ModfunWarning, match=r"keeps its value .* The free delay stays uncertain"):
+            held = mf.fit(rec, free)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            after = mf.fit(curved(rec), free)
+        assert held["delay"] > 5.8
+        assert abs(after["delay"] - 5) < 0.4
+        assert abs(after["b0"] / 0.4 - 1) < 0.02
 
 
 def test_what_looks_alike_is_none() -> None:
@@ -59,6 +92,8 @@ def test_what_looks_alike_is_none() -> None:
     assert dead_band(np.round(y / 0.4) * 0.4) == 0
     assert dead_band(np.repeat(y[::5], 5)) == 0  # a slow sensor, held
     assert dead_band(np.where(np.arange(y.size) < 600, 0.0, y)) == 0
+    assert dead_band(np.repeat(np.cumsum(1 + 0.1 * y[:200]), 5)) == 0  # slow, of a ramp
+    assert dead_band(np.sqrt(np.round(4 * np.abs(y)) / 4)) == 0  # uneven codes
 
 
 def test_a_frozen_vane_is_named_and_leaving_it_out_cures():

@@ -157,3 +157,37 @@ def test_inputs_that_follow_from_their_past_are_not_looked_at(monkeypatch: pytes
     mf.fit(sweep, MODEL)
     with pytest.raises(pytest.fail.Exception, match="looked at"):
         mf.fit(loops.record(LEVEL, 0), MODEL)
+
+
+def sines(count: int, dt: float, seed: int) -> np.ndarray:
+    """Twelve from 0.05 to 1.5 Hz."""
+    hertz, t = np.geomspace(0.05, 1.5, 12), dt * np.arange(count + 1)
+    phases = np.random.default_rng(seed).uniform(0, 6.28, 12)
+    return np.sin(2 * np.pi * np.outer(hertz, t) + phases[:, None]).sum(axis=0) / 3
+
+
+def test_a_command_that_was_tried_in_vain_is_not_advised() -> None:
+    """A third-order plant whose command moves its input less than the rate's noise does. In 6 records, the
+    reference is advised where the fit with it is silent, and something else elsewhere; both occur.
+    """
+    plant, model = ([8.0], np.polymul([1, 2], [1, 1.5, 4])), mf.TransferFunction(poles=3, zeros=0)
+    helps = []
+    for seed in range(6):
+        rec = loops.closed(plant, (1.5, 0.8, 0.5), sines(1000, 0.1, seed), 0.1, 0.1, seed)
+        text = said(rec, model)
+        assert "u follows earlier residuals of y" in text
+        try:
+            helps.append(not said(rec, model, reference="r"))
+        except mf.FitError:
+            helps.append(False)
+        assert ('First fit with the command of the loop, reference="r".' in text) == helps[-1]
+        assert ("r moves u too little beside the noise" in text) != helps[-1]
+    assert 0 < sum(helps) < 6
+
+
+def test_without_the_command_the_advice_says_how_to_keep_it() -> None:
+    rec = loops.record(LEVEL, 100)
+    bare = mf.Record(y=rec.y, u=rec.u, dt=loops.DT, intersample="zoh")
+    assert 'Record(keep={"r": ...}), and fit with reference="r";' in said(bare)
+    other = mf.Record(y=rec.y, u=rec.u, dt=loops.DT, intersample="zoh", keep={"set": rec["r"]})
+    assert 'First fit with the command of the loop, reference="set".' in said(other)
