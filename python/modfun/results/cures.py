@@ -19,7 +19,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, neighbours, unused, with_offset
+from .neighbours import EXTRA, neighbours
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
@@ -39,7 +39,6 @@ __all__ = [
     "furthest",
     "likely_cure",
     "of_written",
-    "offset_of",
     "on_band",
     "otherwise",
     "realigned",
@@ -295,27 +294,6 @@ def convincing(fit: Estimates, cure: Cure) -> bool:
     fallen, rows = cure.before - cure.after, fit.df_resid + fit.params.size
     halved = fallen > rows / len(fit.row_names) * log(2)
     return fallen > STRONG and (halved or cure.level_p > ENOUGH)
-
-
-def offset_of(fit: Estimates, other: float) -> str:
-    """The offset of a channel that explains an equation's residuals better than a constant; "" where none.
-
-    `other`: BIC with a constant.
-    """
-    if fit.again is None or fit.records is None:
-        return ""
-    words, best, before = "", other - CLOSE, bic_beside(fit, fit)
-    for x, structure, _ in with_offset(fit.structure):
-        made = again(fit, fit.records, structure, on_band(fit, fit.band))
-        if made is not None and (after := bic_beside(made, fit)) < best:
-            best, c = after, unused("c", fit.structure)
-            words = (
-                f"Write ({x} - {c}) for {x} in the equation, with its offset {c} as a parameter that "
-                f'starts at 0, params={{"{c}": mf.Free(0)}}: {c} = '
-                f"{made[EXTRA]:.4g}, and BIC falls from {before:.4g} to {after:.4g}. A constant in the "
-                f"equation is not the same, since {x} does not enter linearly."
-            )
-    return words
 
 
 @kept

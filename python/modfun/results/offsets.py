@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
 
-from .cures import ENOUGH, STRONG, WORTH, again, bic_beside, furthest, offset_of, on_band
+from ..base.arrays import F64
+from .cures import CLOSE, ENOUGH, STRONG, WORTH, Cure, again, bic_beside, convincing, furthest, on_band
 from .diagnosis import level_p, lower_p
 from .doubts import FINEST, SURE, Doubt, numbers, rms
 from .estimates import Estimates
+from .neighbours import EXTRA, unused, with_offset
 
 __all__ = ["mean", "offset"]
 
@@ -49,8 +52,6 @@ def mean(fit: Estimates) -> Doubt | None:
     if fit.layout.rational:
         told = _bent(fit, beside) or _better(fit, beside)
         return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit, beside())}') if told else None
-    from scipy.special import stdtr
-
     spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
     means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
     if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
@@ -59,19 +60,32 @@ def mean(fit: Estimates) -> Doubt | None:
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
             f"constant, and no parameter is larger than its standard error. {_constant(fit, beside())}"
         )
-    if told := _bent(fit, beside) or _settled(fit, beside):
+    if told := _bent(fit, beside) or _settled(fit, beside) or _off_zero(fit, spread):
         return Doubt(f"{told} {_constant(fit, beside())}")
+    found = _offset_of(fit, math.inf) if level_p(fit) < SURE else None
+    if found is not None and found.settles and found.trend is not None:
+        return Doubt(
+            "The equation has no constant, and a channel that does not enter linearly has an offset. "
+            f"{found.words}"
+        )
+    return None
+
+
+def _off_zero(fit: Estimates, spread: F64) -> str:
+    """That line 0 alone is far from what an equation makes of it."""
     at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
     if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
-        return None
+        return ""
+    from scipy.special import stdtr
+
     # Residuals have unit variance; the degrees of freedom that this one leaves are those of the others.
     worst, others = float(np.max(at)), fit.df_resid - 1
     t = worst / math.sqrt(max(fit.df_resid - worst**2, 1e-9) / others)
     if 2 * float(stdtr(others, -t)) * np.size(at) > SURE:
-        return None
-    return Doubt(
+        return ""
+    return (
         f"The mean of the record is {t:.2g} standard deviations from what the equation makes of it: channels "
-        f"have an offset, and the equation has no constant. {_constant(fit, beside())}"
+        "have an offset, and the equation has no constant."
     )
 
 
@@ -138,10 +152,45 @@ def _with_constant(fit: Estimates) -> Estimates | None:
 
 def _constant(fit: Estimates, other: Estimates | None) -> str:
     """The first cure of an offset: of the channel, where that explains more than a constant."""
-    words = offset_of(fit, math.inf if other is None else bic_beside(other, fit))
-    return (
-        words or f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit, other)}'
-    )
+    found = _offset_of(fit, math.inf if other is None else bic_beside(other, fit))
+    if found is not None:
+        return found.words
+    return f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit, other)}'
+
+
+@dataclass(frozen=True)
+class _Offset:
+    """An offset of a channel of an equation, beside a constant or not; whether it explains most residuals."""
+
+    words: str
+    trend: str | None
+    settles: bool
+
+
+def _offset_of(fit: Estimates, other: float) -> _Offset | None:
+    """The offset of a channel that explains an equation's residuals better than a constant does.
+
+    `other`: BIC with a constant. Where outputs are deviations, too, the offset needs one beside it.
+    """
+    if fit.again is None or fit.records is None:
+        return None
+    found, before = None, bic_beside(fit, fit)
+    best, c = min(other, before) - CLOSE, unused("c", fit.structure)
+    for x, structure, _ in with_offset(fit.structure):
+        for trend in dict.fromkeys((fit.trend, "constant")):
+            made = again(fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend))
+            if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
+                continue
+            best = after - CLOSE
+            beside = "" if trend == fit.trend else f', and fit with trend="{trend}" beside it'
+            words = (
+                f"Write ({x} - {c}) for {x} in the equation, with its offset {c} as a parameter that "
+                f'starts at 0, params={{"{c}": mf.Free(0)}}{beside}: {c} = '
+                f"{made[EXTRA]:.4g}, and BIC falls from {before:.4g} to {after:.4g}. A constant in the "
+                f"equation is not the same, since {x} does not enter linearly."
+            )
+            found = _Offset(words, trend, convincing(fit, Cure("", before, after, level_p(made))))
+    return found
 
 
 def _both_ways(fit: Estimates, other: Estimates | None) -> str:

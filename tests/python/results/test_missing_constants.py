@@ -53,3 +53,30 @@ def test_a_gust_is_no_constant():
     for seed in range(20):
         text = warned(flown(seed, gust=0.01), WITHOUT)[1]
         assert CURE not in text
+
+
+POWERS = {"u**3": lambda u: u**3, "u**2": np.square, "u*abs(u)": lambda u: u * abs(u), "sin(u)": np.sin}
+
+
+def about_a_point(seed: int, text: str, *, point: float, mean: float) -> mf.Record:
+    """y' + 0.8 y = 2 g(u + point), with u recorded as deviations from that point, and y from its mean."""
+    rng, t = np.random.default_rng(seed), 0.05 * np.arange(1001)
+    u = np.sin(2 * np.pi * np.outer(t, np.geomspace(0.02, 0.6, 9)) + rng.uniform(0, 6.28, 9)).sum(1) / 3
+    clean = mf.tf([2.0], [1, 0.8]).simulate(u=POWERS[text](u + point), dt=0.05, intersample="smooth")
+    y = clean + 0.03 * clean.std() * rng.standard_normal(t.size)
+    return mf.Record(y=y - mean * clean.mean(), u=u, dt=0.05, intersample="smooth")
+
+
+@pytest.mark.parametrize("text", POWERS)
+def test_an_input_about_an_operating_point_is_named_beside_an_output_about_its_mean(text):
+    """A constant alone, a term in u or in y'' and u' was named in all of these."""
+    equation = mf.Equation(f"y' = -a*y + b*{text}")
+    for seed in range(4):
+        said = warned(about_a_point(seed, text, point=0.6, mean=1.0), equation)[1]
+        assert "Write (u - c) for u in the equation" in said
+        assert 'and fit with trend="constant" beside it: c = -0.' in said
+        shifted = mf.Equation(f"y' = -a*y + b*{text.replace('u', '(u - c)')}", params={"c": mf.Free(0)})
+        fit, silent = warned(about_a_point(seed, text, point=0.6, mean=1.0), shifted, trend="constant")
+        assert silent == ""
+        assert abs(fit["c"] + 0.6) < 4.5 * fit.bse["c"]
+        assert warned(about_a_point(seed, text, point=0.0, mean=0.0), equation)[1] == ""
