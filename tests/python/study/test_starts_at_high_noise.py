@@ -15,8 +15,8 @@ TRUE = np.array([2.4, 26.4, 12.6, 50.0, 2.0, 10.0, 8.0])
 def test_a_study_reaches_the_bound_at_half_noise() -> None:
     """Of 500 replicates, the rms error is within 15 % of the bound and 95 % intervals cover more than 90 %.
 
-    Their standard errors are 3 % and 1 %: 1 false alarm in 10,000. From `wls` and few lines alone the error is 20
-    times the bound and the coverage 34 %.
+    Their standard errors are 3 % and 1 %: 1 false alarm in 10,000. From `wls` and few lines alone the error
+    is 20 times the bound and the coverage 34 %.
     """
     study = mf.MonteCarlo(
         system=SYSTEM, input="sin(t**2/5)", duration=15, intervals=512, nsr=0.5, estimators=["ml"],
