@@ -28,13 +28,13 @@ impl Estimation<'_> {
         let again: [bool; LANES] = std::array::from_fn(|lane| live[lane] && is_long(w, lane));
         if again != [false; LANES] {
             let first = ends(self.isa, self.design, w, live);
-            let best = self.from_few_lines(w, again, rule, first);
-            self.from_filters(w, again, rule, best);
+            let best = self.go_from_few_lines(w, again, rule, first);
+            self.go_from_filters(w, again, rule, best);
         }
     }
 
     /// From the estimate on few lines, where there are more; the better ends.
-    fn from_few_lines(
+    fn go_from_few_lines(
         &self,
         w: &mut Workspace,
         lanes: [bool; LANES],
@@ -57,7 +57,7 @@ impl Estimation<'_> {
     }
 
     /// From regressions behind filters, where one of these ways ends lower and no more unstable.
-    fn from_filters(
+    fn go_from_filters(
         &self,
         w: &mut Workspace,
         mut lanes: [bool; LANES],
