@@ -17,12 +17,18 @@ from .joints import joints
 from .mask import runs
 from .samples import Samples
 from .spectra import noise_table, spectrum_of
+from .spikes import SHARE, lone
+from .words import count, first_times, kind, left_out, without_samples
 
-__all__ = ["check_record", "dropped_samples", "frozen_samples", "mixed_angles", "remarks_for_fits"]
+__all__ = [
+    "check_record",
+    "dropped_samples",
+    "frozen_samples",
+    "mixed_angles",
+    "remarks_for_fits",
+]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
-SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
-TIMES = 3  # that are said
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
 
@@ -81,7 +87,7 @@ def _missing(record: Samples) -> Iterator[str]:
         first, length = max(zip(starts, lengths, strict=True), key=lambda run: run[1])
         filled = " and their inputs filled in" if record.inputs else ""
         yield (
-            f"{_count(int(lengths.sum()), 'row')} of {len(record.t)} are missing, {int(length)} in a row at "
+            f"{count(int(lengths.sum()), 'row')} of {len(record.t)} are missing, {int(length)} in a row at "
             f"most, from t = {record.t[first]:g} s; their outputs are masked{filled}. Split the record there "
             "if the inputs moved in the gap, rec.window(...)."
         )
@@ -101,7 +107,7 @@ def _clock(record: Samples) -> Iterator[str]:
     if gaps.size:
         worst = int(np.argmax(steps))
         yield (
-            f"Time has {_count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
+            f"Time has {count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
             f"{record.t[worst]:g} s where {usual:.4g} s is usual; split the record there if the signals move "
             "in the gaps. Fits take such times as they are, but no delays."
         )
@@ -121,7 +127,7 @@ def _joined(record: Samples) -> Iterator[str]:
     if not found:
         return
     name, before, size = found[0]
-    others = f", and {_count(len(found) - 1, 'other time')} in the outputs" if len(found) > 1 else ""
+    others = f", and {count(len(found) - 1, 'other time')} in the outputs" if len(found) > 1 else ""
     after = record.t[np.searchsorted(record.t, before, side="right")]
     yield (
         f"Output {name!r} jumps by {size:.3g} after t = {before:.6g} s{others}, and no input does. If "
@@ -299,9 +305,9 @@ def _codes(record: Samples, name: str) -> Iterator[str]:
             continue
         span = float(np.ptp(others))
         if span > 0 and np.abs(others - extreme).min() > 10 * span:
-            cure = _without(record, name, f"rec[{name!r}] != {extreme:g}")
+            cure = left_out(record, name, f"rec[{name!r}] != {extreme:g}")
             yield (
-                f"{_kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
+                f"{kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
                 f"others ({others.min():.4g} to {others.max():.4g}); if that is a code for missing values, "
                 f"{cure if name in record.outputs else 'fill them in'}."
             )
@@ -325,9 +331,9 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         starts, lengths = runs(there)
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
-            cure = f" If so, {_without(record, name, f'rec[{name!r}] != {extreme!r}')}."
+            cure = f" If so, {left_out(record, name, f'rec[{name!r}] != {extreme!r}')}."
             yield (
-                f"{_kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
+                f"{kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
                 f"its {end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
                 + (cure if name in record.outputs else "")
             )
@@ -352,7 +358,7 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
     if inside.mean() > 0.2 or (lengths.size and lengths.max() >= max(10, 0.05 * len(values))):
         worst = int(np.argmax(lengths))
         yield (
-            f"{_kind(record, name)} {name!r}: {100 * inside.mean():.0f} % of its samples repeat the one "
+            f"{kind(record, name)} {name!r}: {100 * inside.mean():.0f} % of its samples repeat the one "
             f"before, {int(lengths[worst]) + 1} equal ones from t = {record.t[starts[worst]]:g} s; stale, "
             "held or coarsely rounded samples?"
         )
@@ -369,9 +375,9 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     if np.count_nonzero(record._good(name)[found[0] : last + 1]) < FROZEN:
         return
     moving = f"(rec.t < {record.t[first]:.6g}) | (rec.t > {record.t[last]:.6g})"
-    cure = _without(record, name, moving) if name in record.outputs else "fill them in"
+    cure = left_out(record, name, moving) if name in record.outputs else "fill them in"
     yield (
-        f"{_kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
+        f"{kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
         f"on are equal, and others hardly ever are. First {cure}."
     )
 
@@ -383,7 +389,7 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
         return
     starts, lengths, zeros = found
     kept = f"rec[{name!r}] != 0" if zeros else f"np.r_[True, np.diff(rec[{name!r}]) != 0]"
-    cure = _without(record, name, kept)
+    cure = left_out(record, name, kept)
     if name in record.inputs:
         still = zeros and np.count_nonzero(record[name] == 0) > lengths.sum()  # at rest, too
         cure = "fill them in from the samples beside them"
@@ -391,37 +397,23 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
             cure += f", k = {kept} and rec.assign({name}=np.interp(rec.t, rec.t[k], rec[{name!r}][k]))"
     what = "exactly 0" if zeros else "equal to the one before, and others never are"
     yield (
-        f"{_kind(record, name)} {name!r} drops out {starts.size} times: {int((lengths - (not zeros)).sum())} "
-        f"samples, from t = {_first_times(record, starts)} s on, are {what}. First {cure}."
+        f"{kind(record, name)} {name!r} drops out {starts.size} times: {int((lengths - (not zeros)).sum())} "
+        f"samples, from t = {first_times(record, starts)} s on, are {what}. First {cure}."
     )
 
 
-def _without(record: Samples, name: str, good: str) -> str:
-    """Say how to leave samples of one output out."""
-    return f"leave them out, rec.weigh(mask={good if len(record.outputs) == 1 else f'{{{name!r}: {good}}}'})"
-
-
-def _first_times(record: Samples, places: NDArray[np.intp]) -> str:
-    """The first times of these samples, in words."""
-    shown = ", ".join([f"{time:.6g}" for time in record.t[places[:TIMES]]])
-    return f"{shown}, …" if places.size > TIMES else shown
-
-
 def _outliers(record: Samples, name: str) -> Iterator[str]:
-    """Find single samples that stick out of their neighbours: a step has two equal bends, a spike one."""
+    """Find single samples that stick out of their neighbours."""
     values = record[name]
-    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    usual = 1.4826 * float(np.median(bend)) + 1e-9 * float(np.ptp(values))
-    beside = np.maximum(np.append(bend[1:], 0.0), np.insert(bend[:-1], 0, 0.0))
-    limit = max(10 * usual, 0.5 * float(values.std()))
-    found = np.flatnonzero((bend > limit) & (bend > 1.5 * beside)) + 1
-    if 0 < found.size <= SPIKES * len(values) + 1:
+    found = lone(values, 10.0, 0.5 * float(values.std()))
+    found = found[record._good(name)[found]] if name in record.outputs else found
+    if 0 < found.size <= SHARE * len(values) + 1:
         first = found[0]
-        then = f", then at t = {_first_times(record, found[1:])} s" if found.size > 1 else ""
+        then = f", then at t = {first_times(record, found[1:])} s" if found.size > 1 else ""
         yield (
-            f"{_kind(record, name)} {name!r} has {_count(found.size, 'outlying sample')}, the first at t = "
+            f"{kind(record, name)} {name!r} has {count(found.size, 'outlying sample')}, the first at t = "
             f"{record.t[first]:g} s ({values[first]:.4g} between {values[first - 1]:.4g} and "
-            f"{values[first + 1]:.4g}){then}."
+            f"{values[first + 1]:.4g}){then}. If they are wrong, {without_samples(record, name, found)}."
         )
 
 
@@ -483,11 +475,3 @@ def mixed_angles(record: Samples) -> Iterator[str]:
             f"Output {deg!r} is in {record.units[deg]} and {rad!r} in {record.units[rad]}: equations between "
             "them need one unit of angle; rec.convert changes it."
         )
-
-
-def _kind(record: Samples, name: str) -> str:
-    return "Output" if name in record.outputs else "Input"
-
-
-def _count(number: int, thing: str) -> str:
-    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

@@ -47,6 +47,7 @@ from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .offsets import mean, offset
 from .runaway import runaway
 from .sparse import sparse
+from .spikes import spikes
 from .stand_in import stand_in
 from .undeclared import undeclared
 from .uneven_noise import of_time
@@ -180,10 +181,10 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
-    noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
-    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause,
-    fed_back, unsettled, unstable, condition, undeclared,
+    in_degrees, jumps, spikes, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero,
+    runaway, noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units,
+    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained,
+    one_cause, fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -211,6 +212,7 @@ def check(fit: Estimates, line: str) -> Findings:
         note = noise_free(whole)
         first = (
             in_degrees,
+            spikes,
             stored_late,
             unlike_records,
             one_record,
