@@ -43,6 +43,7 @@ from .hidden_units import in_other_units
 from .jumps import flips, jumps
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
+from .limits import saturated
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .offsets import mean, offset
 from .runaway import runaway
@@ -183,8 +184,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, spikes, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero,
     runaway, noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units,
-    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained,
-    one_cause, fed_back, unsettled, unstable, condition, undeclared,
+    saturated, in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent,
+    unexplained, one_cause, fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -216,6 +217,7 @@ def check(fit: Estimates, line: str) -> Findings:
             stored_late,
             unlike_records,
             one_record,
+            saturated,
             in_other_units,
             contradicted_numbers,
             missing_input,
