@@ -20,13 +20,8 @@ from .spectra import noise_table, spectrum_of
 from .spikes import SHARE, lone
 from .words import count, first_times, kind, left_out, without_samples
 
-__all__ = [
-    "check_record",
-    "dropped_samples",
-    "frozen_samples",
-    "mixed_angles",
-    "remarks_for_fits",
-]
+__all__ = ["check_record", "dropped_samples", "frozen_samples"]
+__all__ += ["mixed_angles", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
@@ -331,7 +326,8 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         starts, lengths = runs(there)
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
-            cure = f" If so, {left_out(record, name, f'rec[{name!r}] != {extreme!r}')}."
+            good = f"rec[{name!r}] != {extreme!r}"
+            cure = f" If so, {left_out(record, name, good, values != extreme)}."
             yield (
                 f"{kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
                 f"its {end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
@@ -370,12 +366,14 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     if found is None:
         return
     first, last = found[0], found[0] + found[1] - 1
-    if not off_line(record[name], first):  # one was measured, and repeated
+    stop = record[name][first] in (record[name].min(), record[name].max())
+    if not (stop or off_line(record[name], first)):  # one was measured, and repeated
         first += 1
     if np.count_nonzero(record._good(name)[found[0] : last + 1]) < FROZEN:
         return
     moving = f"(rec.t < {record.t[first]:.6g}) | (rec.t > {record.t[last]:.6g})"
-    cure = left_out(record, name, moving) if name in record.outputs else "fill them in"
+    counts = (record.t < record.t[first]) | (record.t > record.t[last])
+    cure = left_out(record, name, moving, counts) if name in record.outputs else "fill them in"
     yield (
         f"{kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
         f"on are equal, and others hardly ever are. First {cure}."
