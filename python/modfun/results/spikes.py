@@ -73,30 +73,27 @@ def _of_output(fit: Estimates, rec: Record, name: str) -> NDArray[np.intp]:
     """Samples of an output that residuals show to be wrong; none where weights take care of them."""
     none, i = np.zeros(0, np.intp), rec.outputs.index(name)
     weighed = fit.options.robust or rec.sigma is not None
-    if weighed or rec.t.size < 2 * AROUND or not (sharpest(rec.y[i : i + 1]) > SHARP or suspicious(fit)):
+    if weighed or np.count_nonzero(rec._good(name)) < 2 * AROUND:
+        return none
+    if not (sharpest(rec.y[i : i + 1]) > SHARP or suspicious(fit)):
         return none
     errors = _errors(fit, rec)
     if errors is None:
         return none
     steps = np.diff(np.unique(rec.y[i]))
     least = max(STEPS * float(steps.min(initial=0.0)), FINE * float(rec.y[i].std()))
-    good = rec._good(name)
-    off, usual, near = _apart(errors[i])
+    good = np.flatnonzero(rec._good(name))  # what stands for masked samples is no measurement
+    off, usual, near = _apart(errors[i, good])
     z = np.abs(off) / np.maximum(usual, near)
-    found = (z > BEYOND) & (np.abs(off) > least) & good
+    found = (z > BEYOND) & (np.abs(off) > least)
     found[:BESIDE] = found[-BESIDE:] = False
     if not 0 < found.sum() <= SHARE * z.size + 1 or not z[found].max() > FAR:
         return none
-    places = np.flatnonzero(found)
-    lengths = runs(found)[1]
-    if (
-        lengths.max() > RUN
-        or 2 * np.count_nonzero(lengths > 1) > lengths.size
-        or 2 * _at_jumps(rec, places) >= places.size
-    ):
+    places, lengths = good[found], runs(found)[1]
+    several = lengths.max() > RUN or 2 * np.count_nonzero(lengths > 1) > lengths.size
+    if several or 2 * _at_jumps(rec, places) >= places.size:
         return none
-    even = off / np.maximum(near, QUIET * usual)
-    return places if _gain(even[good], found[good]) > GAIN else none
+    return places if _gain(off / np.maximum(near, QUIET * usual), found) > GAIN else none
 
 
 def _apart(errors: F64) -> tuple[F64, float, F64]:

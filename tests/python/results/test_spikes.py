@@ -110,3 +110,11 @@ def test_the_check_of_a_record_prints_the_code() -> None:
     cured = eval(text.split("leave them out, ")[1][:-1], {"rec": rec, "np": np})
     assert {*np.flatnonzero(~cured.mask[0])} < {*at}  # two are side by side, which a step may be
     assert cured.mask.sum() == COUNT - 7
+
+
+def test_what_stands_for_masked_samples_is_no_spike() -> None:
+    """Of bursts of them, samples between were named in right records."""
+    for seed in range(5):
+        rec = measured("multisine", seed, nsr=0.3)
+        lost = np.random.default_rng(seed).random(COUNT) < 0.25
+        assert "spike" not in flights.warned(rec.weigh(mask=~lost), MODEL)[1]
