@@ -23,6 +23,8 @@ def saturated(fit: Estimates) -> Doubt | None:
     """That an input clipped at a limit explains all but the noise, much better than the input does."""
     if not fit.usable or fit.again is None or not fit.records or noise_free(fit) is not None:
         return None
+    if any(rec.mask is not None for rec in fit.records):
+        return None  # fits of which take seconds
     if not (suspicious(fit) if fit.layout.rational else refuted(fit)):
         return None
     before = bic_beside(fit, fit)
@@ -70,7 +72,7 @@ def _limit(fit: Estimates, name: str) -> tuple[float, float]:
 
     first = [loss(part) for part in LEVELS]
     at = int(np.argmin(first))
-    if not first[at] < bic_beside(fit, fit):
+    if not first[at] < bic_beside(fit, fit) - 0.5 * STRONG:
         return largest, np.inf
     edges = (0.5 * LEVELS[0], *LEVELS, 1.0)
     beside = edges[at], edges[at + 2]
