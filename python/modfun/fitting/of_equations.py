@@ -26,7 +26,7 @@ from ..results.of_equations import EquationFit
 from .arguments import sensible
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
-from .restarts import restarted
+from .restarts import restarted, settled_within
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -171,7 +171,7 @@ def fit_equation(
             for start, (low, high) in zip(told, within or layout.formulas.words["bounds"], strict=True)
         )
         other = _sought(records, structure, options, layout, again, levels, [None] * len(told), signed)
-        if other.success:
+        if settled_within(other, layout):
             return other
     boxed = partial(_sought, records, structure, options, layout, again, levels)
     learns = options.noise in ("output", "coloured") and len(layout.outputs) > 1

@@ -15,7 +15,7 @@ from ..records.record import Record
 from ..results.diagnosis import level_ratio
 from .scales import sizes
 
-__all__ = ["restarted"]
+__all__ = ["restarted", "settled_within"]
 
 FACTOR = 10.0  # of a size either way
 AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
@@ -45,11 +45,17 @@ def restarted(
                 fit = sought(starts, box, learn)
             except DataError:  # a band with fewer equations than unknowns
                 continue
-            at = [layout.param_names.index(name) for name in fit.at_bound]
             # Where a level took the residuals up, the fit is none: that of a wrong model would pass for one.
-            if fit.success and all(fit.params[k] in own[k] for k in at) and not level_ratio(fit) > AWAY:
+            if settled_within(fit, layout) and not level_ratio(fit) > AWAY:
                 return fit
     return None
+
+
+def settled_within(fit: Any, layout: EquationLayout) -> bool:
+    """Whether a search within closer bounds ended at a minimum: on no bound but a user's own."""
+    own = layout.formulas.words["bounds"]
+    at = [layout.param_names.index(name) for name in fit.at_bound]
+    return bool(fit.success) and all(fit.params[k] in own[k] for k in at)
 
 
 def _boxes(

@@ -1,4 +1,4 @@
-"""Local identifiability from the coefficients g(θ): the rank of their derivatives."""
+"""Local identifiability: which small changes of parameters leave what equations say as it is."""
 
 from __future__ import annotations
 
@@ -31,15 +31,14 @@ def identify(
 
     Notes
     -----
-    Ratios of the coefficients of an equation to one of them, and whatever parameters stand in signals, are
-    what a record determines. The rank of their derivatives at a random point is the number of combinations
-    that can be found; null vectors show what cannot.
+    Equations M(p; θ) of signals say the same as (I + X(p)) M for any small polynomial matrix X: a multiple of
+    an equation or of its derivatives may be added to another. What a record cannot tell at a random point are
+    the changes δθ of which ∂M/∂θ δθ = X M for some X, and that move no parameter inside a signal.
     """
     names = [parameter(name) for name in compiled.parameters]
-    ratios = determined(compiled)
     points = [_point(names, k) for k in range(2)]
-    slopes = [[sympy.diff(g, name) for name in names] for g in ratios]
-    spaces = [_null_space(slopes, point, len(names)) for point in points]
+    changes = [_changes(compiled, name) for name in names]
+    spaces = [_null_space(compiled, changes, point) for point in points]
     null = min(spaces, key=len)  # a point may be unlucky, and then has more
     gone = {k for vector in null for k, value in enumerate(vector) if value != 0}
     found = tuple(s.name for k, s in enumerate(names) if k not in gone)
@@ -53,20 +52,57 @@ def identify(
 
 
 def determined(compiled: Compiled) -> list[sympy.Expr]:
-    known = {parameter(name) for name in compiled.parameters}
+    {parameter(name) for name in compiled.parameters}
     ratios: list[sympy.Expr] = []
     for _, group in groupby(compiled.terms, key=lambda term: term.equation):
         terms = list(group)
         scale = next((t.coefficient for t in terms if t.coefficient.is_number), terms[0].coefficient)
         ratios += [t.coefficient / scale for t in terms if not t.coefficient.is_number or scale != 1]
-    inside = {
-        s
-        for t in compiled.terms
-        for x in (t.signal, t.factor)
-        if x is not None
-        for s in x.free_symbols & known
-    }
-    return [r for r in ratios if r.free_symbols] + sorted(inside, key=lambda s: s.name)
+    return [r for r in ratios if r.free_symbols] + _inside(compiled)
+
+
+def _inside(compiled: Compiled) -> list[sympy.Symbol]:
+    """Parameters inside signals."""
+    known = {parameter(name) for name in compiled.parameters}
+    parts = [x for t in compiled.terms for x in (t.signal, t.factor) if x is not None]
+    return sorted({s for x in parts for s in x.free_symbols & known}, key=lambda s: s.name)
+
+
+# Of each (equation, signal, factor, derivatives) a coefficient.
+Cells = dict[tuple[int, sympy.Expr, sympy.Expr | None, int], sympy.Expr]
+
+
+def _cells(compiled: Compiled) -> Cells:
+    found: Cells = {}
+    for x in compiled.terms:
+        place = (x.equation, x.signal, x.factor, x.order)
+        found[place] = found.get(place, sympy.S.Zero) + x.coefficient
+    return found
+
+
+def _changes(compiled: Compiled, name: sympy.Symbol) -> Cells:
+    """Derivatives of the coefficients to a parameter."""
+    slopes = {place: sympy.diff(g, name) for place, g in _cells(compiled).items()}
+    return {place: slope for place, slope in slopes.items() if slope != 0}
+
+
+def _multiples(compiled: Compiled) -> list[Cells]:
+    """Each equation and its derivatives in the place of every equation: what X may be made of."""
+    cells, most = _cells(compiled), max(compiled.orders)
+    products = {e for e, _, factor, _ in cells if factor is not None}
+    made: list[Cells] = []
+    for one in range(len(compiled.orders)):
+        # A derivative of F p^k E is no term of this kind.
+        for more in range(1 if one in products else most + 1):
+            rows = {
+                (signal, factor, order + more): g
+                for (e, signal, factor, order), g in cells.items()
+                if e == one and not (more and signal.is_number)  # derivatives of a constant are 0
+            }
+            made += [
+                {(other, *place): g for place, g in rows.items()} for other in range(len(compiled.orders))
+            ]
+    return made
 
 
 def _point(names: list[sympy.Symbol], k: int) -> dict[sympy.Symbol, sympy.Rational]:
@@ -75,17 +111,40 @@ def _point(names: list[sympy.Symbol], k: int) -> dict[sympy.Symbol, sympy.Ration
 
 
 def _null_space(
-    slopes: list[list[sympy.Expr]], point: dict[sympy.Symbol, sympy.Rational], size: int
+    compiled: Compiled, changes: list[Cells], point: dict[sympy.Symbol, sympy.Rational]
 ) -> list[tuple[sympy.Expr, ...]]:
-    rows = [[slope.xreplace(point) for slope in row] for row in slopes]
-    if not rows:
-        return [tuple(sympy.S(int(i == k)) for i in range(size)) for k in range(size)]
-    matrix = sympy.Matrix(rows)
+    """Changes of the parameters that make the same as multiples of the equations."""
+    columns = [*changes, *_multiples(compiled)]
+    places = list(dict.fromkeys(place for column in columns for place in column))
+    rows = [[column.get(place, sympy.S.Zero).xreplace(point) for column in columns] for place in places]
+    names = [parameter(name) for name in compiled.parameters]
+    still = [
+        [sympy.S(int(k == names.index(name))) for k in range(len(columns))] for name in _inside(compiled)
+    ]
+    null = _null(
+        sympy.Matrix(len(places) + len(still), len(columns), [x for row in rows + still for x in row])
+    )
+    # Without the multiples some are sums of others, or nothing.
+    cut = [vector[: len(changes)] for vector in null]
+    return _independent(cut, len(changes))
+
+
+def _null(matrix: sympy.Matrix) -> list[list[sympy.Expr]]:
     if all(entry.is_Rational for entry in matrix):
-        return [tuple(vector) for vector in matrix.nullspace()]
-    matrix = matrix.evalf(DIGITS)
-    null = matrix.nullspace(iszerofunc=lambda x: abs(x) < TOLERANCE)
-    return [tuple(map(_round, vector)) for vector in null]
+        return [list(vector) for vector in matrix.to_DM().to_field().nullspace().to_Matrix().tolist()]
+    found = matrix.evalf(DIGITS).nullspace(iszerofunc=_is_zero)
+    return [list(vector) for vector in found]
+
+
+def _independent(vectors: list[list[sympy.Expr]], size: int) -> list[tuple[sympy.Expr, ...]]:
+    reduced, pivots = sympy.Matrix(len(vectors), size, [x for row in vectors for x in row]).rref(
+        iszerofunc=_is_zero
+    )
+    return [tuple(map(_round, reduced.row(k))) for k in range(len(pivots))]
+
+
+def _is_zero(x: sympy.Expr) -> bool:
+    return bool(x == 0 if x.is_Rational else abs(x) < TOLERANCE)
 
 
 def _round(x: sympy.Expr) -> sympy.Expr:
