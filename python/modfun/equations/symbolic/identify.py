@@ -52,7 +52,6 @@ def identify(
 
 
 def determined(compiled: Compiled) -> list[sympy.Expr]:
-    {parameter(name) for name in compiled.parameters}
     ratios: list[sympy.Expr] = []
     for _, group in groupby(compiled.terms, key=lambda term: term.equation):
         terms = list(group)
