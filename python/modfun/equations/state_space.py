@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from ..base.arguments import public
 from ..base.arrays import F64
 from ..errors import SpecError
+from ..language.parser import Text, equation
 from ..models.free import Free, from_plain, to_plain
 from ..systems.lti import LTI
 from ..systems.making import linear, ss
@@ -306,6 +307,11 @@ class StateSpace(Written):
             if y not in self.states
         ]
         return tuple(rows)
+
+    @property
+    def parsed(self) -> tuple[Text, ...]:
+        """The equations, as `Equation` has its own."""
+        return tuple(equation(text, f"equation {k}") for k, text in enumerate(self._title(), 1))
 
     def _state(self) -> tuple[Any, ...]:
         matrices = self.A, self.B, self.C, self.D

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..equations.equation import Equation
 from ..equations.layout import EquationLayout
 from ..errors import DataError
 from ..records.record import Record
@@ -36,7 +35,7 @@ def restarted(
     level that runs away takes the parameters along, and levels that the high band shows do not.
     """
     words = layout.formulas.words
-    if not isinstance(structure, Equation) or words["linear"]:
+    if words["linear"]:
         return None  # linear ones begin at their minimum
     own = words["bounds"]
     for starts, box in _boxes(sizes(structure, layout.param_names, records).tolist(), words["starts"], own):

@@ -21,7 +21,7 @@ STEPS = ("step", "sign", "where")  # which say nothing of what stands in them
 
 
 def sizes(model: Any, names: Sequence[str], records: Sequence[Record]) -> F64:
-    """Size of each parameter of an `Equation`: least squares of logarithms, 1 where nothing tells it."""
+    """Size of each parameter of equations: least squares of logarithms, 1 where nothing tells it."""
     known = {name: log(abs(given)) for name, given in model.params if isinstance(given, float) and given}
     for name in (*model.outputs, *model.inputs):
         rms = float(np.sqrt(np.mean([np.nanmean(rec[name] ** 2) for rec in records])))

@@ -88,3 +88,22 @@ def test_sizes_of_sums(text: str, size: float) -> None:
     t = np.linspace(0, 100, 1001)
     rec = mf.Record(y=10 * np.sqrt(2) * np.sin(0.7 * t), dt=t[1])
     assert sizes(mf.Equation(text), ["a"], [rec])[0] == pytest.approx(size, rel=0.6)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_motor_as_a_state_space_needs_no_starts(seed):
+    """Current and speed of a motor whose entries are products of parameters ended as "rank" in all records."""
+    truth = {"R": 1.2, "L": 0.004, "K": 0.05, "J": 1.5e-4, "b": 2e-4}
+    motor = mf.StateSpace(
+        [["-R/L", "-K/L"], ["K/J", "-b/J"]], [["1/L"], [0]], states=["i", "w"], inputs=["V"]
+    )
+    rng = np.random.default_rng(seed)
+    volts = np.repeat(rng.choice([-6.0, 6.0], 80), 10)
+    dt = 0.001
+    clean = motor.model(truth).simulate(u=volts, dt=dt, initial_state=[0.3, 20.0], intersample="zoh")
+    noise = rng.standard_normal(clean.shape) * 0.03 * clean.std(axis=1, keepdims=True)
+    rec = mf.Record(clean + noise, volts, dt=dt, outputs=["i", "w"], inputs=["V"], intersample="zoh")
+    fit = mf.fit(rec, motor)
+    assert fit.success
+    for name, value in truth.items():
+        assert abs(fit[name] - value) < 4.5 * fit.bse[fit.param_names.index(name)]
