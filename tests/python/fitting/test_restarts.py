@@ -92,7 +92,7 @@ def test_sizes_of_sums(text: str, size: float) -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_a_motor_as_a_state_space_needs_no_starts(seed):
-    """Current and speed of a motor whose entries are products of parameters ended as "rank" in all records."""
+    """Current and speed of a motor whose entries are products of parameters ended as "rank" always."""
     truth = {"R": 1.2, "L": 0.004, "K": 0.05, "J": 1.5e-4, "b": 2e-4}
     motor = mf.StateSpace(
         [["-R/L", "-K/L"], ["K/J", "-b/J"]], [["1/L"], [0]], states=["i", "w"], inputs=["V"]
