@@ -240,7 +240,10 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
             'noise="process" with noise="coloured".'
         )
     if found == "coloured":
-        text += ' Coloured noise on the samples fits their spectrum: compare noise="coloured".'
+        low, high = fit.band
+        # Where noise is steep, a band of its own goes far beyond the system, and leads to other minima.
+        over = f'noise="coloured", band=({low:.4g}, {high:.4g})'
+        text += f" Coloured noise on the samples fits their spectrum: compare {over}, the band of this fit."
     return Doubt(text, sure=False)
 
 
