@@ -2,7 +2,8 @@
 //!
 //! From `wls` the right minimum is 5 to 10 steps away; a way that leads astray, into another minimum or nowhere, is
 //! longer. Such a lane goes again, from the estimate on the lower lines that tell its unknowns, where noise rules less,
-//! and from regressions behind eight filters. It keeps the best end. What other lanes do changes no bit of it.
+//! and from regressions behind eight filters, all at once. It keeps the best end. What
+//! other lanes do changes no bit of it.
 
 use super::again::Estimation;
 use super::band::{CLOSE, MANY};
@@ -19,6 +20,8 @@ use super::uncertainty;
 use super::workspace::Workspace;
 use crate::simd::{Isa, LANES, numbers_mut};
 
+/// Of at most so many poles ways astray were twice as long in all cases tried, which spares most others the filters.
+const FEW_POLES: usize = 3;
 /// By which an end from a filter has to be lower, in parts of the cost: noise alone chooses between closer ones.
 const LOWER: f64 = 0.005;
 
@@ -26,14 +29,29 @@ impl Estimation<'_> {
     /// Goes again where the way was long; the best of all ends stands in each lane.
     pub fn go_again(&self, w: &mut Workspace, live: [bool; LANES], rule: Rule) {
         let again: [bool; LANES] = std::array::from_fn(|lane| live[lane] && is_long(w, lane));
-        if again != [false; LANES] {
-            let first = ends(self.isa, self.design, w, live);
-            let best = self.go_from_few_lines(w, again, rule, first);
-            self.go_from_filters(w, again, rule, best);
+        if again == [false; LANES] {
+            return;
+        }
+        let d = self.design;
+        let few = |lines: usize| d.few_lines().min(lines);
+        let fewer = w.records.iter().any(|r| few(r.lines) < r.lines)
+            && d.determined(w.records.iter().map(|r| few(r.lines)));
+        let most = if d.structure.order > FEW_POLES { MANY } else { 2 * MANY };
+        // One that was given few steps has not gone astray.
+        let far = std::array::from_fn(|k| again[k] && w.progress.nit.0[k] > f64::from(most));
+        if !fewer && far == [false; LANES] {
+            return;
+        }
+        let mut best = ends(self.isa, d, w, live);
+        if fewer {
+            best = self.go_from_few_lines(w, again, rule, best);
+        }
+        if far != [false; LANES] {
+            self.go_from_filters(w, far, rule, best);
         }
     }
 
-    /// From the estimate on few lines, where there are more; the better ends.
+    /// From the estimate on few lines; the better ends.
     fn go_from_few_lines(
         &self,
         w: &mut Workspace,
@@ -42,13 +60,8 @@ impl Estimation<'_> {
         best: [End; LANES],
     ) -> [End; LANES] {
         let Estimation { isa, design: d, options: o, .. } = *self;
-        let few = |lines: usize| d.few_lines().min(lines);
-        let fewer = w.records.iter().any(|r| few(r.lines) < r.lines);
-        if !fewer || !d.determined(w.records.iter().map(|r| few(r.lines))) {
-            return best;
-        }
         self.try_from(w, lanes, rule, best, |w| {
-            w.records.iter_mut().for_each(|r| r.limit = few(r.lines));
+            w.records.iter_mut().for_each(|r| r.limit = d.few_lines().min(r.lines));
             w.begin(lanes);
             iterate(isa, d, w, Rule::Wls, o);
             iterate(isa, d, w, rule, &Options { tol: o.tol.max(CLOSE), ..*o });
