@@ -5,26 +5,25 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import angle_of
-from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line, slower
+from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
 from .joints import joints
 from .mask import runs
 from .samples import Samples
+from .slower import changes, slow_samples
 from .spectra import noise_table, spectrum_of
 from .spikes import SHARE, lone
 from .words import count, first_times, kind, left_out, without_samples
 
-__all__ = ["check_record", "dropped_samples", "frozen_samples", "interpolated_samples"]
+__all__ = ["check_record", "dropped_samples", "frozen_samples"]
 __all__ += ["mixed_angles", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
-BRIDGED = 6  # samples from one that counts to the next, at most, of which a mask makes good estimates
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
 
@@ -198,10 +197,6 @@ def _constant(record: Samples, name: str) -> str:
     )
 
 
-def _changes(values: F64) -> NDArray[np.bool_]:
-    return np.abs(np.diff(values)) > 1e-9 * float(np.ptp(values))
-
-
 def _between_samples(record: Samples, name: str, form: str) -> Iterator[str]:
     """Say what contradicts the declaration of an input, or what its samples alone cannot decide."""
     if name not in record.inputs:
@@ -211,7 +206,7 @@ def _between_samples(record: Samples, name: str, form: str) -> Iterator[str]:
         yield from _doubtful(record, name, record._seen[name])
         return
     values = record[name]
-    flat = int((~_changes(values)).sum())
+    flat = int((~changes(values)).sum())
     if form in ("held", "stairs") and word != "zoh":
         yield (
             f"Input {name!r} is declared {word} but holds its value over {flat} of {record.intervals} steps "
@@ -311,7 +306,7 @@ def _codes(record: Samples, name: str) -> Iterator[str]:
 
 def _clipped(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
-    same = ~_changes(values)
+    same = ~changes(values)
     if same.mean() > 0.5:
         # Coarse steps or rest, said by _stale; unless it is at both ends that the samples stay.
         low, high = values == values.min(), values == values.max()
@@ -345,7 +340,7 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
             "between the stored values, as fit.check() says."
         )
         return
-    drawn = [*interpolated_samples(record, name)] if name in record.outputs else []
+    drawn = [*slow_samples(record, name)] if name in record.outputs else []
     if found := [*drawn, *frozen_samples(record, name), *dropped_samples(record, name)]:
         yield from found
         return
@@ -379,28 +374,6 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     yield (
         f"{kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
         f"on are equal, and others hardly ever are. First {cure}."
-    )
-
-
-def interpolated_samples(record: Samples, name: str) -> Iterator[str]:
-    """Say that an output consists of lines between slower samples, unless only these count."""
-    step, first = slower(record[name])
-    lines = np.arange(record.t.size) % step != first
-    if step == 1 or not record._good(name)[lines].any():
-        return
-    moved = [np.flatnonzero(_changes(record[u])) + 1 for u in record.inputs]
-    if any(2 * step * at.size > record.t.size and not lines[at].any() for at in moved):
-        return  # an integral of an input that is held as long
-    cure = left_out(record, name, f"np.arange(rec.t.size) % {step} == {first}")
-    if step > BRIDGED:
-        own = f"[:, {first}::{step}]"
-        cure = (
-            f"take these samples of all channels, mf.Record(y=rec.y{own}, u=rec.u{own}, dt={step} * rec.dt, "
-            "outputs=rec.outputs, inputs=rec.inputs)"
-        )
-    yield (
-        f"Output {name!r} consists of straight lines between every {step}th sample, as if it was drawn from "
-        f"a slower record: the samples between are no measurements. First {cure}."
     )
 
 

@@ -1,4 +1,4 @@
-"""Channels that do not tell what each sample was: stored with a dead band, frozen, dropping out, or drawn."""
+"""Channels that do not tell what each sample was: stored with a dead band, frozen, or dropping out."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from .mask import runs
 
-__all__ = ["FROZEN", "dead_band", "dropouts", "frozen", "off_line", "slower"]
+__all__ = ["FROZEN", "dead_band", "dropouts", "frozen", "off_line"]
 
 REPEATED = 0.1  # of the samples, at least
 CHANGES = 10  # at least
@@ -23,8 +23,6 @@ MANY = 0.1  # of the samples repeat the one before: of more, rest and coarse ste
 CHANCE = 1e-4  # repeats that rounding explains
 LEAP = 5.0  # usual second differences: into a channel that stands still elsewhere than where it was
 JUMP = 10.0  # usual second differences: into a dropout of one value and out of it
-SLOWEST = 50  # samples, at most, from one measured value to the next
-KNOTS = 10, 0.5  # of the measured values, at least, and the part of them, where lines meet at an angle
 GRID = 0.02  # of the least change: how near changes are to its multiples where values are rounded
 
 
@@ -111,15 +109,3 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
     if np.count_nonzero(zeros & (rare | (np.minimum(into, out) > JUMP * usual))) >= SEVERAL:
         return starts[zeros], lengths[zeros], True
     return (starts[rare], lengths[rare], False) if rare.sum() >= SEVERAL else None
-
-
-def slower(values: F64) -> tuple[int, int]:
-    """How many samples lie from one measured value to the next, and the first; (1, 0) without lines."""
-    bend = np.flatnonzero(np.abs(np.diff(values, 2)) > 1e-9 * float(np.ptp(values))) + 1
-    least, part = KNOTS
-    if bend.size < least:
-        return 1, 0
-    step = int(np.gcd.reduce(np.diff(bend)))
-    if not 1 < step <= SLOWEST or bend.size < part * values.size / step:
-        return 1, 0
-    return step, int(bend[0]) % step

@@ -85,9 +85,16 @@ def _message(fit: Estimates) -> str:
 
 
 def _lost(fit: Estimates) -> str:
-    """What no record could tell apart, where a fit ended so; "" where it could."""
+    """What no record could tell apart, or none with such inputs, where a fit ended so; "" where it could."""
     if fit.status != "rank" or fit.layout.rational:
         return ""
+    records = fit.records or ()
+    for u in fit.inputs if records else ():
+        if all(np.ptp(rec[u]) == 0 for rec in records):
+            return (
+                f"Input {u!r} is {records[0][u][0]:g} throughout, so that no parameter of it can be found. "
+                f"First leave {u!r} out of the model, or hold its parameters."
+            )
     found = fit.structure.identifiable()
     if found:
         return ""
