@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ from .arrays import F64
 
 __all__ = [
     "confidence",
-    "likelihood",
     "normal_factor",
     "probability",
     "root",
@@ -83,18 +81,3 @@ def student_interval(values: F64, errors: F64, degrees: Any, level: float) -> tu
     """Lower and upper limits of estimates with these standard errors."""
     half = student_factor(degrees, level) * errors
     return values - half, values + half
-
-
-def likelihood(row: F64, tail: float) -> tuple[float, float]:
-    """Largest log likelihood of errors under Student's t, and its scale."""
-    scale = 1.4826 * float(np.median(np.abs(row))) or float(np.sqrt(np.mean(row**2)))
-    for _ in range(200):
-        square = (row / scale) ** 2
-        better = scale * math.sqrt(float(np.mean((tail + 1) / (tail + square) * square)))
-        done = abs(better / scale - 1) < 1e-8
-        scale = better
-        if done:
-            break
-    constant = math.lgamma((tail + 1) / 2) - math.lgamma(tail / 2) - 0.5 * math.log(tail * math.pi)
-    log = np.log1p((row / scale) ** 2 / tail)
-    return row.size * (constant - math.log(scale)) - (tail + 1) / 2 * float(np.sum(log)), scale

@@ -13,17 +13,18 @@ from .._core import noise_level
 from ..base.arrays import F64
 from ..errors import DataError, ModfunError
 from ..records.record import Record
-from ..records.words import LONGEST, SHORTEST
 from ..results.cures import again, on_band
 
 __all__ = ["across", "blind", "bridged", "relative", "variances", "weighs"]
 
 AnyFit = TypeVar("AnyFit", bound=Any)
 
+LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 UNEVEN = 0.3  # scatter of the steps, over their mean, that correlates lines
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
 BLIND = 100.0  # the same of one whose bridged value tells nothing worth having
 ROUNDS, SETTLED = 8, 0.1  # of fits with simulated values in gaps; a move in standard errors that ends them
+SHORTEST = 16  # samples between gaps that make a record
 ASTRAY = 10.0  # times the largest sample: a simulation beyond it fills no gap
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 

@@ -11,7 +11,6 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.gamma_regression import smooth_level
-from ..base.student import likelihood
 from ..errors import FitError, ModfunError, SpecError
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
@@ -231,13 +230,28 @@ def student(errors: Sequence[F64]) -> tuple[float, float, list[F64]]:
     rows = [row[np.isfinite(row)] for each in errors for row in each]
 
     def loss(log_tail: float) -> float:
-        return -sum(likelihood(row, math.exp(log_tail))[0] for row in rows)
+        return -sum(_likelihood(row, math.exp(log_tail))[0] for row in rows)
 
     found = minimize_scalar(loss, bounds=[math.log(edge) for edge in TAILS], method="bounded")
     tail = math.exp(float(found.x))
     normal = sum(-0.5 * row.size * (math.log(2 * math.pi * np.mean(row**2)) + 1) for row in rows)
     weights = []
     for each in errors:
-        scales = np.array([likelihood(row[np.isfinite(row)], tail)[1] for row in each])
+        scales = np.array([_likelihood(row[np.isfinite(row)], tail)[1] for row in each])
         weights.append((tail + 1) / (tail + (each / scales[:, None]) ** 2))
     return tail, -float(found.fun) - normal, weights
+
+
+def _likelihood(row: F64, tail: float) -> tuple[float, float]:
+    """Largest log likelihood of errors under Student's t, and its scale."""
+    scale = 1.4826 * float(np.median(np.abs(row))) or float(np.sqrt(np.mean(row**2)))
+    for _ in range(200):
+        square = (row / scale) ** 2
+        better = scale * math.sqrt(float(np.mean((tail + 1) / (tail + square) * square)))
+        done = abs(better / scale - 1) < 1e-8
+        scale = better
+        if done:
+            break
+    constant = math.lgamma((tail + 1) / 2) - math.lgamma(tail / 2) - 0.5 * math.log(tail * math.pi)
+    log = np.log1p((row / scale) ** 2 / tail)
+    return row.size * (constant - math.log(scale)) - (tail + 1) / 2 * float(np.sum(log)), scale

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..base.between import CLOSE, LOOP, form_of
@@ -15,15 +16,13 @@ from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
 from .joints import joints
 from .mask import runs
 from .samples import Samples
-from .slower import changes, slow_samples
 from .spectra import noise_table, spectrum_of
-from .spikes import SHARE, lone
-from .words import count, first_times, kind, left_out, without_samples
 
-__all__ = ["check_record", "dropped_samples", "frozen_samples"]
-__all__ += ["mixed_angles", "remarks_for_fits"]
+__all__ = ["check_record", "dropped_samples", "frozen_samples", "mixed_angles", "remarks_for_fits"]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
+SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
+TIMES = 3  # that are said
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
 
@@ -82,7 +81,7 @@ def _missing(record: Samples) -> Iterator[str]:
         first, length = max(zip(starts, lengths, strict=True), key=lambda run: run[1])
         filled = " and their inputs filled in" if record.inputs else ""
         yield (
-            f"{count(int(lengths.sum()), 'row')} of {len(record.t)} are missing, {int(length)} in a row at "
+            f"{_count(int(lengths.sum()), 'row')} of {len(record.t)} are missing, {int(length)} in a row at "
             f"most, from t = {record.t[first]:g} s; their outputs are masked{filled}. Split the record there "
             "if the inputs moved in the gap, rec.window(...)."
         )
@@ -102,7 +101,7 @@ def _clock(record: Samples) -> Iterator[str]:
     if gaps.size:
         worst = int(np.argmax(steps))
         yield (
-            f"Time has {count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
+            f"Time has {_count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
             f"{record.t[worst]:g} s where {usual:.4g} s is usual; split the record there if the signals move "
             "in the gaps. Fits take such times as they are, but no delays."
         )
@@ -122,7 +121,7 @@ def _joined(record: Samples) -> Iterator[str]:
     if not found:
         return
     name, before, size = found[0]
-    others = f", and {count(len(found) - 1, 'other time')} in the outputs" if len(found) > 1 else ""
+    others = f", and {_count(len(found) - 1, 'other time')} in the outputs" if len(found) > 1 else ""
     after = record.t[np.searchsorted(record.t, before, side="right")]
     yield (
         f"Output {name!r} jumps by {size:.3g} after t = {before:.6g} s{others}, and no input does. If "
@@ -197,6 +196,10 @@ def _constant(record: Samples, name: str) -> str:
     )
 
 
+def _changes(values: F64) -> NDArray[np.bool_]:
+    return np.abs(np.diff(values)) > 1e-9 * float(np.ptp(values))
+
+
 def _between_samples(record: Samples, name: str, form: str) -> Iterator[str]:
     """Say what contradicts the declaration of an input, or what its samples alone cannot decide."""
     if name not in record.inputs:
@@ -206,7 +209,7 @@ def _between_samples(record: Samples, name: str, form: str) -> Iterator[str]:
         yield from _doubtful(record, name, record._seen[name])
         return
     values = record[name]
-    flat = int((~changes(values)).sum())
+    flat = int((~_changes(values)).sum())
     if form in ("held", "stairs") and word != "zoh":
         yield (
             f"Input {name!r} is declared {word} but holds its value over {flat} of {record.intervals} steps "
@@ -296,9 +299,9 @@ def _codes(record: Samples, name: str) -> Iterator[str]:
             continue
         span = float(np.ptp(others))
         if span > 0 and np.abs(others - extreme).min() > 10 * span:
-            cure = left_out(record, name, f"rec[{name!r}] != {extreme:g}")
+            cure = _without(record, name, f"rec[{name!r}] != {extreme:g}")
             yield (
-                f"{kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
+                f"{_kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
                 f"others ({others.min():.4g} to {others.max():.4g}); if that is a code for missing values, "
                 f"{cure if name in record.outputs else 'fill them in'}."
             )
@@ -306,7 +309,7 @@ def _codes(record: Samples, name: str) -> Iterator[str]:
 
 def _clipped(record: Samples, name: str) -> Iterator[str]:
     values = record[name]
-    same = ~changes(values)
+    same = ~_changes(values)
     if same.mean() > 0.5:
         # Coarse steps or rest, said by _stale; unless it is at both ends that the samples stay.
         low, high = values == values.min(), values == values.max()
@@ -322,10 +325,9 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         starts, lengths = runs(there)
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
-            good = f"rec[{name!r}] != {extreme!r}"
-            cure = f" If so, {left_out(record, name, good, values != extreme)}."
+            cure = f" If so, {_without(record, name, f'rec[{name!r}] != {extreme!r}')}."
             yield (
-                f"{kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
+                f"{_kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
                 f"its {end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
                 + (cure if name in record.outputs else "")
             )
@@ -340,8 +342,7 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
             "between the stored values, as fit.check() says."
         )
         return
-    drawn = [*slow_samples(record, name)] if name in record.outputs else []
-    if found := [*drawn, *frozen_samples(record, name), *dropped_samples(record, name)]:
+    if found := [*frozen_samples(record, name), *dropped_samples(record, name)]:
         yield from found
         return
     good = record._good(name)
@@ -351,7 +352,7 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
     if inside.mean() > 0.2 or (lengths.size and lengths.max() >= max(10, 0.05 * len(values))):
         worst = int(np.argmax(lengths))
         yield (
-            f"{kind(record, name)} {name!r}: {100 * inside.mean():.0f} % of its samples repeat the one "
+            f"{_kind(record, name)} {name!r}: {100 * inside.mean():.0f} % of its samples repeat the one "
             f"before, {int(lengths[worst]) + 1} equal ones from t = {record.t[starts[worst]]:g} s; stale, "
             "held or coarsely rounded samples?"
         )
@@ -363,16 +364,14 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     if found is None:
         return
     first, last = found[0], found[0] + found[1] - 1
-    stop = record[name][first] in (record[name].min(), record[name].max())
-    if not (stop or off_line(record[name], first)):  # one was measured, and repeated
+    if not off_line(record[name], first):  # one was measured, and repeated
         first += 1
     if np.count_nonzero(record._good(name)[found[0] : last + 1]) < FROZEN:
         return
     moving = f"(rec.t < {record.t[first]:.6g}) | (rec.t > {record.t[last]:.6g})"
-    counts = (record.t < record.t[first]) | (record.t > record.t[last])
-    cure = left_out(record, name, moving, counts) if name in record.outputs else "fill them in"
+    cure = _without(record, name, moving) if name in record.outputs else "fill them in"
     yield (
-        f"{kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
+        f"{_kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
         f"on are equal, and others hardly ever are. First {cure}."
     )
 
@@ -384,7 +383,7 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
         return
     starts, lengths, zeros = found
     kept = f"rec[{name!r}] != 0" if zeros else f"np.r_[True, np.diff(rec[{name!r}]) != 0]"
-    cure = left_out(record, name, kept)
+    cure = _without(record, name, kept)
     if name in record.inputs:
         still = zeros and np.count_nonzero(record[name] == 0) > lengths.sum()  # at rest, too
         cure = "fill them in from the samples beside them"
@@ -392,23 +391,37 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
             cure += f", k = {kept} and rec.assign({name}=np.interp(rec.t, rec.t[k], rec[{name!r}][k]))"
     what = "exactly 0" if zeros else "equal to the one before, and others never are"
     yield (
-        f"{kind(record, name)} {name!r} drops out {starts.size} times: {int((lengths - (not zeros)).sum())} "
-        f"samples, from t = {first_times(record, starts)} s on, are {what}. First {cure}."
+        f"{_kind(record, name)} {name!r} drops out {starts.size} times: {int((lengths - (not zeros)).sum())} "
+        f"samples, from t = {_first_times(record, starts)} s on, are {what}. First {cure}."
     )
 
 
+def _without(record: Samples, name: str, good: str) -> str:
+    """Say how to leave samples of one output out."""
+    return f"leave them out, rec.weigh(mask={good if len(record.outputs) == 1 else f'{{{name!r}: {good}}}'})"
+
+
+def _first_times(record: Samples, places: NDArray[np.intp]) -> str:
+    """The first times of these samples, in words."""
+    shown = ", ".join([f"{time:.6g}" for time in record.t[places[:TIMES]]])
+    return f"{shown}, …" if places.size > TIMES else shown
+
+
 def _outliers(record: Samples, name: str) -> Iterator[str]:
-    """Find single samples that stick out of their neighbours."""
+    """Find single samples that stick out of their neighbours: a step has two equal bends, a spike one."""
     values = record[name]
-    found = lone(values, 10.0, 0.5 * float(values.std()))
-    found = found[record._good(name)[found]] if name in record.outputs else found
-    if 0 < found.size <= SHARE * len(values) + 1:
+    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
+    usual = 1.4826 * float(np.median(bend)) + 1e-9 * float(np.ptp(values))
+    beside = np.maximum(np.append(bend[1:], 0.0), np.insert(bend[:-1], 0, 0.0))
+    limit = max(10 * usual, 0.5 * float(values.std()))
+    found = np.flatnonzero((bend > limit) & (bend > 1.5 * beside)) + 1
+    if 0 < found.size <= SPIKES * len(values) + 1:
         first = found[0]
-        then = f", then at t = {first_times(record, found[1:])} s" if found.size > 1 else ""
+        then = f", then at t = {_first_times(record, found[1:])} s" if found.size > 1 else ""
         yield (
-            f"{kind(record, name)} {name!r} has {count(found.size, 'outlying sample')}, the first at t = "
+            f"{_kind(record, name)} {name!r} has {_count(found.size, 'outlying sample')}, the first at t = "
             f"{record.t[first]:g} s ({values[first]:.4g} between {values[first - 1]:.4g} and "
-            f"{values[first + 1]:.4g}){then}. If they are wrong, {without_samples(record, name, found)}."
+            f"{values[first + 1]:.4g}){then}."
         )
 
 
@@ -470,3 +483,11 @@ def mixed_angles(record: Samples) -> Iterator[str]:
             f"Output {deg!r} is in {record.units[deg]} and {rad!r} in {record.units[rad]}: equations between "
             "them need one unit of angle; rec.convert changes it."
         )
+
+
+def _kind(record: Samples, name: str) -> str:
+    return "Output" if name in record.outputs else "Input"
+
+
+def _count(number: int, thing: str) -> str:
+    return f"{number} {thing}" if number == 1 else f"{number} {thing}s"

@@ -1,4 +1,4 @@
-"""Channels that do not tell what each sample was: stored with a dead band, frozen, or dropping out."""
+"""Channels that stand still: stored with a dead band, frozen for a while, or dropping out."""
 
 from __future__ import annotations
 
@@ -94,8 +94,7 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
     starts, lengths = starts[inside], lengths[inside] + 1
     rests, short = bool((lengths > SHORT).any()), lengths <= SHORT
     starts, lengths = starts[short], lengths[short]
-    curved = _peaks(values, starts, lengths) | np.isin(values[starts], [values.min(), values.max()])  # stops
-    curved &= values[starts] != 0
+    curved = _peaks(values, starts, lengths) & (values[starts] != 0)
     starts, lengths = starts[~curved], lengths[~curved]
     if starts.size < SEVERAL:
         return None

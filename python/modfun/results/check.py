@@ -43,12 +43,10 @@ from .hidden_units import in_other_units
 from .jumps import flips, jumps
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
-from .limits import saturated
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .offsets import mean, offset
 from .runaway import runaway
 from .sparse import sparse
-from .spikes import spikes
 from .stand_in import stand_in
 from .undeclared import undeclared
 from .uneven_noise import of_time
@@ -85,16 +83,9 @@ def _message(fit: Estimates) -> str:
 
 
 def _lost(fit: Estimates) -> str:
-    """What no record could tell apart, or none with such inputs, where a fit ended so; "" where it could."""
+    """What no record could tell apart, where a fit ended so; "" where it could."""
     if fit.status != "rank" or fit.layout.rational:
         return ""
-    records = fit.records or ()
-    for u in fit.inputs if records else ():
-        if all(np.ptp(rec[u]) == 0 for rec in records):
-            return (
-                f"Input {u!r} is {records[0][u][0]:g} throughout, so that no parameter of it can be found. "
-                f"First leave {u!r} out of the model, or hold its parameters."
-            )
     found = fit.structure.identifiable()
     if found:
         return ""
@@ -189,10 +180,10 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    in_degrees, jumps, spikes, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero,
-    runaway, noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units,
-    saturated, in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent,
-    unexplained, one_cause, fed_back, unsettled, unstable, condition, undeclared,
+    in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
+    noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
+    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause,
+    fed_back, unsettled, unstable, condition, undeclared,
 )  # fmt: skip
 
 
@@ -220,11 +211,9 @@ def check(fit: Estimates, line: str) -> Findings:
         note = noise_free(whole)
         first = (
             in_degrees,
-            spikes,
             stored_late,
             unlike_records,
             one_record,
-            saturated,
             in_other_units,
             contradicted_numbers,
             missing_input,

@@ -24,6 +24,7 @@ __all__ = ["Explained", "event", "event_p", "further", "simulated", "stationary"
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
 LARGE = 1e100  # a simulated output beyond it is that of an unstable model and explains nothing
+BESIDE = 16  # samples on either side of one that show how strong the noise is there
 SAME = 1e-3  # columns closer to the fitted ones, or to one another, are the same
 
 
@@ -33,10 +34,10 @@ class Explained:
 
     Attributes
     ----------
-    what : {"response", "gain", "power", "change", "drift", "event"}
+    what : {"response", "gain", "power", "change", "drift", "event", "spike"}
         What the columns are: a further response to an input, powers of an input and the input clipped,
         powers of the simulated output and its rate, coefficients that change in time, a slope and a bend
-        of the output, one event at one time.
+        of the output, one event at one time, one sample.
     channel : str
         The input of a response or a gain, else the output.
     output : int
@@ -47,7 +48,7 @@ class Explained:
     bic : float
         By how much a fit with these columns would lower N log(cost/N) + p log N; positive: it pays.
     time : float
-        Of an event, s on the record's clock; else nan.
+        Of an event or a spike, s on the record's clock; else nan.
     """
 
     what: str
@@ -87,7 +88,7 @@ def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None], enough: 
     found.append(lines.tested("change", y, [b.changes() for b in blocks]))
     if fit.trend == "constant":
         found.append(lines.tested("drift", y, [b.drifts() for b in blocks]))
-    return found
+    return found + _spikes(fit, i, simulated)
 
 
 def simulated(fit: Estimates, k: int) -> F64 | None:
@@ -165,6 +166,30 @@ def _likeliest(fit: Estimates) -> tuple[float, int, int, int, float] | None:
             if best is None or p < best[0]:
                 best = p, i, k, at, share
     return best
+
+
+def _spikes(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Explained]:
+    """The sample that is farthest from the simulated output, by the law of the largest of normal numbers."""
+    from scipy.special import ndtr
+
+    found = []
+    for k, (rec, whole) in enumerate(zip(fitted(fit), simulated, strict=True)):
+        if whole is None:
+            continue
+        first = rec.intervals - fit.intervals[k]
+        e = rec.y[i, first:] - whole[i]
+        far = np.abs(e - np.median(e))
+        at = int(np.argmax(far))
+        near = far[max(at - BESIDE, 0) : at + BESIDE + 1]  # noise may change in time
+        usual = 1.4826 * max(float(np.median(far)), float(np.median(near)))
+        beside = float(np.max(np.delete(far[max(at - 1, 0) : at + 2], min(at, 1)), initial=0.0))
+        if not 0 < usual < LARGE or 2 * beside > far[at]:  # what lasts is no spike
+            continue
+        p = min(1.0, 2 * far.size * len(fitted(fit)) * float(ndtr(-far[at] / usual)))
+        share = min(float(far[at] ** 2 / np.sum(far**2)), 1 - 1e-9)
+        gain = -far.size * log(1 - share) - 2 * log(far.size)
+        found.append(Explained("spike", fit.outputs[i], i, p, gain, float(rec.t[first + at])))
+    return found
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ ASKED = {
     "change": "{} unchanged over time",
     "drift": "no drift of {}",
     "event": "no event in {}",
+    "spike": "no sample of {} alone",
 }
 _OWN = re.compile(r"\b(TransferFunction|Equation|StateSpace|Free|Noise)\(")
 

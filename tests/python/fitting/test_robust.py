@@ -95,7 +95,7 @@ def test_normal_noise_loses_nothing() -> None:
 def test_spikes_are_named_and_kept(tmp_path: Path) -> None:
     noise = np.random.default_rng(1).normal(size=257)
     noise[[40, 200]] += [50.0, -50.0]
-    with pytest.warns(mf.ModfunWarning, match="Output 'y' has 2 spikes, at t = 1.5625, 7.8125 s"):
+    with pytest.warns(mf.ModfunWarning, match="far from all that the model"):
         plain = mf.fit(noisy(noise), MODEL)
     with warnings.catch_warnings():
         warnings.simplefilter("error")

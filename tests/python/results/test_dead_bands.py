@@ -189,4 +189,4 @@ def test_twenty_spikes_are_counted_with_their_first_times() -> None:
     values[20::40] += 0.1
     (text,) = [one for one in rec.assign(alpha=values).check() if one.startswith("Output 'alpha' has")]
     assert "20 outlying samples, the first at t = 0.4 s" in text
-    assert "then at t = 1.2, 2, 2.8, … s. If they are wrong, leave them out, rec.weigh(mask={'alpha'" in text
+    assert text.endswith("then at t = 1.2, 2, 2.8, … s.")

@@ -72,17 +72,3 @@ def test_a_rudder_in_the_record_is_the_first_cure():
     for seed in range(4):
         text = warned(rudder_kicked(seed, ["aileron", "rudder"]), LATERAL)[1]
         assert "Input 'rudder' is in the record and not in the model" in text
-
-
-def test_an_input_that_never_moves_is_named() -> None:
-    """With a flap that stood still the warning advised to hold one parameter after the other."""
-    model = mf.StateSpace(
-        [["Za", 1], ["Ma", "Mq"]], [["Zd", "Zf"], ["Md", "Mf"]], states=["alpha", "q"], inputs=["de", "df"]
-    )
-    right = flown(0)
-    rec = mf.Record(right.y, [right["de"], np.zeros(right.t.size)], dt=right.dt, outputs=["alpha", "q"],
-                    inputs=["de", "df"], intersample="smooth")  # fmt: skip
-    fit, text = warned(rec, model)
-    assert fit.status == "rank"
-    assert "Input 'df' is 0 throughout" in text
-    assert "First leave 'df' out of the model" in text
