@@ -62,7 +62,8 @@ def mean(fit: Estimates) -> Doubt | None:
         )
     if told := _bent(fit, beside) or _settled(fit, beside) or _off_zero(fit, spread):
         return Doubt(f"{told} {_constant(fit, beside())}")
-    found = _offset_of(fit, math.inf) if level_p(fit) < SURE else None
+    one = len(fit.outputs) == 1  # of several, each channel in each equation takes a fit
+    found = _offset_of(fit, math.inf) if one and level_p(fit) < SURE else None
     if found is not None and found.settles and found.trend is not None:
         return Doubt(
             "The equation has no constant, and a channel that does not enter linearly has an offset. "
@@ -175,13 +176,13 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
     if fit.again is None or fit.records is None:
         return None
     found, before = None, bic_beside(fit, fit)
-    best, c = min(other, before) - CLOSE, unused("c", fit.structure)
+    best = min(other, before) - CLOSE
     for x, structure, _ in with_offset(fit.structure):
         for trend in dict.fromkeys((fit.trend, "constant")):
             made = again(fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend))
             if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
                 continue
-            best = after - CLOSE
+            best, c = after - CLOSE, unused("c", fit.structure)
             beside = "" if trend == fit.trend else f', and fit with trend="{trend}" beside it'
             words = (
                 f"Write ({x} - {c}) for {x} in the equation, with its offset {c} as a parameter that "

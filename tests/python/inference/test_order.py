@@ -140,7 +140,7 @@ def test_several_starts_find_lower_minima_than_one():
             assert one["status"] in ("ok", "maxiter")
             assert cost <= one["cost"] * (1 + 1e-12)
             better += cost < 0.999 * one["cost"]
-    assert better > 15  # of 75
+    assert better > 8  # of 75: one start goes from filters, too, where its way was long
 
 
 def test_coloured_noise_falls_back_to_bic_and_says_so():
