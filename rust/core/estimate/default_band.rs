@@ -13,15 +13,16 @@
 //! The wide fit starts from `wls` and from the narrow fit; the lower cost counts. `ls` and `wls` take M = 3#, which
 //! is the report's guideline (eq. 20).
 
-use super::band::{BandRule, Choice, MANY, Range, SAME, fewest_lines, lower_ends};
+use super::band::{BandRule, Choice, Range, SAME, fewest_lines, lower_ends};
 use super::fitter::{FitWorkspace, Fitter, Problem};
 use super::options::Start;
 use super::pass::prepare;
-use super::second_start::{lowest, unstable};
+use super::second_start::{is_long, lowest, unstable};
 use super::uncertainty::{Information, mend_inverse};
 use crate::error::Error;
 use crate::simd::LANES;
 use crate::structure::{Method, Noise};
+
 /// Costs of two ways that differ by more, in parts of themselves, are of two minima: they come close to their ends only.
 const APART: f64 = 1e-6;
 
@@ -50,7 +51,7 @@ impl Fitter {
             lane = 2;
         }
         let mut cost = costs[lane];
-        let astray = Fitter::may_have_gone_astray(&mut all, &costs[..=starts.len()], lane);
+        let astray = may_have_gone_astray(&mut all, &costs[..=starts.len()], lane);
         if astray {
             (lane, cost) = self.go_from_filters(&mut all, lane, cost);
         }
@@ -70,17 +71,6 @@ impl Fitter {
         let chosen = last(&ranges);
         let rule = BandRule { wide: most, narrow: few, costs: [first, second], chosen };
         Ok(Choice { ranges, rule: Some(rule), theta })
-    }
-
-    /// Whether ways to these costs, in the first lanes, were so long or their ends so far apart that all may have led
-    /// astray; or the best of them, to an unstable system.
-    fn may_have_gone_astray(problem: &mut Problem, costs: &[f64], best: usize) -> bool {
-        let at = &problem.space.progress;
-        let long = |lane: usize| at.active.0[lane] > 0.0 || at.nit.0[lane] > f64::from(MANY);
-        let same = |cost: &f64| (cost - costs[0]).abs() <= APART * costs[0];
-        (0..costs.len()).any(long)
-            || !costs.iter().all(same)
-            || unstable(&problem.design, &mut problem.space, best) > 0
     }
 
     /// The estimate that these parameters or regressions behind filters lead to, close to its end.
@@ -160,4 +150,13 @@ impl Fitter {
             Some((0..p).map(|k| w.inverse[k * p + k].0[lane]).collect())
         })
     }
+}
+
+/// Whether ways to these costs, in the first lanes, were so long or their ends so far apart that all may have led
+/// astray; or the best of them, to an unstable system.
+fn may_have_gone_astray(problem: &mut Problem, costs: &[f64], best: usize) -> bool {
+    let same = |cost: &f64| (cost - costs[0]).abs() <= APART * costs[0];
+    (0..costs.len()).any(|lane| is_long(&problem.space, lane))
+        || !costs.iter().all(same)
+        || unstable(&problem.design, &mut problem.space, best) > 0
 }

@@ -2,8 +2,8 @@
 //!
 //! From `wls` the right minimum is 5 to 10 steps away; a way that leads astray, into another minimum or nowhere, is
 //! longer. Such a lane goes again, from the estimate on the lower lines that tell its unknowns, where noise rules less,
-//! and from regressions behind eight filters, all at once. It keeps the best end. What
-//! other lanes do changes no bit of it.
+//! and after the longest ways from regressions behind eight filters. It keeps the best end. What other lanes do changes
+//! no bit of it.
 
 use super::again::Estimation;
 use super::band::{CLOSE, MANY};
@@ -78,7 +78,8 @@ impl Estimation<'_> {
         best: [End; LANES],
     ) {
         let Estimation { isa, design: d, options: o, .. } = *self;
-        let mut other = w.other.take().unwrap_or_else(|| Box::new(Workspace::new(d)));
+        w.make_other(d);
+        let Some(mut other) = w.other.take() else { return };
         let options = Options { wanted: Wanted::Cost, tol: o.tol.max(CLOSE), ..*o };
         for lane in 0..LANES {
             if !lanes[lane] {
@@ -140,7 +141,7 @@ impl Estimation<'_> {
 }
 
 /// Whether a lane took more steps than a way to the right minimum takes, or has not settled.
-fn is_long(w: &Workspace, lane: usize) -> bool {
+pub(super) fn is_long(w: &Workspace, lane: usize) -> bool {
     w.progress.active.0[lane] > 0.0 || w.progress.nit.0[lane] > f64::from(MANY)
 }
 
@@ -151,8 +152,8 @@ pub(super) fn lowest(
     costs: [f64; LANES],
     (cost, most): (f64, usize),
 ) -> Option<usize> {
-    let mut worth = |k: &usize| costs[*k] < cost * (1.0 - LOWER) && unstable(d, w, *k) <= most;
-    (0..LANES).filter(&mut worth).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))
+    let worth = |k: &usize| costs[*k] < cost * (1.0 - LOWER) && unstable(d, w, *k) <= most;
+    (0..LANES).filter(worth).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))
 }
 
 /// Unstable poles of the estimate in a lane.

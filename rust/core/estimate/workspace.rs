@@ -177,6 +177,11 @@ impl Workspace {
         }
     }
 
+    /// Room for the ways of one lane from eight starts, before the first is needed: replicates allocate nothing.
+    pub(crate) fn make_other(&mut self, d: &Design) {
+        self.other.get_or_insert_with(|| Box::new(Workspace::new(d)));
+    }
+
     /// One lane's coefficients of another workspace of the same design, in all lanes.
     pub(crate) fn load_lane(&mut self, from: &Workspace, lane: usize) {
         for (to, from) in self.records.iter_mut().zip(&from.records) {

@@ -22,6 +22,7 @@ impl TaskWorkspace {
             Problem::Plain(shared) => {
                 let d = &shared.design;
                 let mut space = Workspace::new(d);
+                space.make_other(d);
                 for (k, (re, im)) in task.inputs.iter().enumerate() {
                     load(&mut space, 1 + k, d.lines()[0], &splat(re), &splat(im));
                 }
