@@ -140,8 +140,8 @@ def fed_back(fit: Estimates) -> Doubt | None:
 def _by_command(fit: Estimates, channel: str) -> str:
     """What to do about a loop: its command as the reference, or where that one was tried in vain, another."""
     free = "" if fit.options.initial_state == "unknown" else ', initial_state="unknown"'
-    kept = fit.records[0].kept if fit.records else ()
-    name = COMMAND if COMMAND in kept else kept[0] if len(kept) == 1 else ""
+    commands = fit.records[0].kept if fit.records else ()
+    name = COMMAND if COMMAND in commands else commands[0] if len(commands) == 1 else ""
     if not name:
         words = f'Record(keep={{"{COMMAND}": ...}}), and fit with reference="{COMMAND}"{free}'
         helps = f"it helps where the command moves {channel} more than noise does"

@@ -357,7 +357,7 @@ def clipped(fit: Estimates) -> Doubt | None:
 
 
 def pieces(fit: Estimates) -> Iterator[tuple[str, Node]]:
-    """Each piece of the texts of an `Equation`, with its text; none of other models."""
+    """Each piece of the texts of equations, with its text; none of transfer functions."""
     for text in getattr(fit.structure, "parsed", ()):
         yield from ((text.text, node) for node in text.tree.walk())
 
