@@ -17,6 +17,7 @@ __all__ = ["histogram", "quantiles"]
 BINS = 40
 POINTS = 199  # quantiles drawn of many estimates
 ACROSS = 3  # panels in a row
+FENCE = 3.0  # widths of the middle half beyond it, where estimates far off would squeeze all others into one bar
 
 
 @drawing
@@ -59,7 +60,7 @@ def histogram(res: Figures, ax: Any = None) -> Any:
     axes = _axes(ax, len(panels), "Estimates")
     for here, (name, truth, found) in zip(axes, panels, strict=True):
         whole = np.concatenate(list(found.values()))
-        low, high = np.quantile(whole, [0.001, 0.999])
+        low, high = _shown(whole)
         room = 0.05 * (high - low) or 1.0
         for k, (estimator, values) in enumerate(found.items()):
             edges = np.linspace(low - room, high + room, BINS + 1)
@@ -70,6 +71,13 @@ def histogram(res: Figures, ax: Any = None) -> Any:
         here.set_xlabel(name)
         here.set_ylabel("density")
     return _ended(ax, axes)
+
+
+def _shown(values: F64) -> tuple[float, float]:
+    """Between which values bars are drawn: nearly all estimates, without those that are far off."""
+    low, q1, q3, high = np.quantile(values, [0.001, 0.25, 0.75, 0.999]).tolist()
+    reach = FENCE * (q3 - q1)
+    return (max(low, q1 - reach), min(high, q3 + reach)) if reach > 0 else (low, high)
 
 
 @drawing

@@ -65,9 +65,10 @@ def attempt(what: str, call: Callable[..., Any], *given: Any) -> Any:
     except Exception as error:
         if isinstance(error, TypeError) and not _takes(call, given):
             whose = what or getattr(call, "__name__", "a function")
+            kinds = ", ".join(type(one).__name__ for one in given)
             raise SpecError(
-                f"MonteCarlo: {whose} is called with {len(given)} arguments and does not take them "
-                f"({error}); the documentation of MonteCarlo says which they are"
+                f"MonteCarlo: {whose} is called with {len(given)} arguments ({kinds}) and does not take them: "
+                f"{error}; give it a parameter for each, in this order"
             ) from error
         text = f"{type(error).__name__}: {error}"
         raise Failed((f"{what}: {text}" if what else text)[:LONGEST]) from error
