@@ -21,7 +21,7 @@ from ..results.line_residuals import line_residuals
 from ..results.many import FitMany
 from ..results.uneven_noise import SHORTEST, UNEVEN, allows, p_values, unforeseen
 
-__all__ = ["Changes", "may_change"]
+__all__ = ["Alone", "Changes", "may_change"]
 
 AT_ONCE = 1 << 17  # samples, about, that are looked at together
 ENDS = 5  # degree of the polynomial that takes what the ends of a record put above its band
@@ -35,6 +35,24 @@ def may_change(layout: Layout | EquationLayout, options: Options, intervals: int
 
 
 @dataclass(frozen=True, eq=False)
+class Alone:
+    """Fits one record of a batch by itself over the band of all, when it is called."""
+
+    data: Batch | tuple[Record, ...]
+    structure: Any
+    options: Options
+    lines: tuple[int, int]
+    omega0: float
+    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit]
+
+    def __call__(self, r: int) -> Fit:
+        low, high = (line * self.omega0 for line in self.lines)
+        return self.fit_one(
+            (self.data[r],), self.structure, self.options.replace(harmonics=None, band=(low, high))
+        )
+
+
+@dataclass(frozen=True, eq=False)
 class Changes:
     """Looks for noise that changes over the records of a batch, when it is called.
 
@@ -43,20 +61,16 @@ class Changes:
     it rejects.
     """
 
-    data: Batch | tuple[Record, ...]
+    alone: Alone
     layout: Layout | EquationLayout
     intervals: int
-    lines: tuple[int, int]
-    omega0: float
-    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit]
 
     def __call__(self, many: FitMany) -> tuple[NDArray[np.bool_], F64]:
         """Which records have such noise, (replicate,), and the standard errors of all, (replicate, p)."""
         bse, changing = many.bse_even.copy(), np.zeros(len(many), bool)
-        alone = many.options.replace(harmonics=None, band=many.band)
         for r in np.flatnonzero(self._suspects(many)).tolist():
             try:
-                fit = self.fit_one((self.data[r],), many.structure, alone)
+                fit = self.alone(r)
             except ModfunError:  # what a single fit refuses, such as an input that hardly moves
                 continue
             if fit.changing:
@@ -66,7 +80,7 @@ class Changes:
     def _suspects(self, many: FitMany) -> NDArray[np.bool_]:
         found, good = np.zeros(len(many), bool), np.flatnonzero(many.usable)
         lines = self.intervals // 2
-        if not isinstance(self.layout, Layout) and LEAST * (lines - self.lines[1]) < lines:
+        if not isinstance(self.layout, Layout) and LEAST * (lines - self.alone.lines[1]) < lines:
             return many.usable
         at_once = max(1, AT_ONCE // self.intervals)
         for first in range(0, good.size, at_once):
@@ -86,15 +100,16 @@ class Changes:
 
     def _residuals(self, many: FitMany, these: NDArray[np.intp]) -> list[F64]:
         """Of each output, (record, time)."""
-        if isinstance(self.data, Batch):
-            y, u = self.data.y[these], self.data.u if len(self.data.u) == 1 else self.data.u[these]
+        data, lines = self.alone.data, self.alone.lines
+        if isinstance(data, Batch):
+            y, u = data.y[these], data.u if len(data.u) == 1 else data.u[these]
         else:
-            y, u = (np.array([getattr(self.data[r], name) for r in these]) for name in "yu")
+            y, u = (np.array([getattr(data[r], name) for r in these]) for name in "yu")
         outputs = range(y.shape[1])
         if not isinstance(self.layout, Layout):
-            return [above(y[:, i, -1 - self.intervals : -1], self.lines[1]) for i in outputs]
-        kinds = (self.data if isinstance(self.data, Batch) else self.data[0]).intersample
-        words = (many.options.rule, kinds, self.intervals, self.lines, self.omega0)
+            return [above(y[:, i, -1 - self.intervals : -1], lines[1]) for i in outputs]
+        kinds = (data if isinstance(data, Batch) else data[0]).intersample
+        words = (many.options.rule, kinds, self.intervals, lines, self.alone.omega0)
         return [line_residuals(self.layout, many.params[these], i, y[:, i], u, *words) for i in outputs]
 
 

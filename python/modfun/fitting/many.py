@@ -18,7 +18,7 @@ from ..records.corners import driving
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.many import FitMany
-from .changes import Changes, may_change
+from .changes import Alone, Changes, may_change
 from .of_equations import PreparedEquation, batch_of, prepare_equation
 from .prepared import Prepared, prepare, refuse_cut_off, refuse_standing
 
@@ -66,10 +66,11 @@ def fit_batch(
             f"fit_many: every record holds values that are not finite, record 0 at sample "
             f"{int(np.argmin(np.isfinite(y[0][0])))}; cut them off, or fill them"
         )
+    alone = Alone(data, structure, options, found["lines"][0], found["omega0"][0], fit_one)
     look = None
     if may_change(made.layout, options, made.intervals[0]):
-        look = Changes(data, made.layout, made.intervals[0], found["lines"][0], found["omega0"][0], fit_one)
-    return FitMany.of_core(found, made.layout, structure, options, look, notes)
+        look = Changes(alone, made.layout, made.intervals[0])
+    return FitMany.of_core(found, made.layout, structure, options, alone, look, notes)
 
 
 def fit_each(

@@ -19,7 +19,7 @@ from ..base.optional import optional
 from ..base.student import confidence, root, student_interval
 from ..base.tables import Table
 from ..base.words import STATUS, USABLE
-from ..errors import SpecError
+from ..errors import ModfunError, SpecError
 from ..models.options import Options
 from .estimates import Estimates
 from .fit import Fit
@@ -64,6 +64,9 @@ class FitMany(Elsewhere):
         standard errors.
     level_names : tuple of str
         What each of them is of, such as "measurement of y" and "process of y".
+    doubts : tuple of str
+        What single fits of the first, the middle and the last record warn of, such as an input that is
+        missing: looked for when first asked, printed with the table.
     notes : tuple of str
         How inputs that nobody declared are read where their samples leave it open, and how many fits ended
         in a FitError, with the text of the first; in sentences.
@@ -85,6 +88,7 @@ class FitMany(Elsewhere):
     levels: tuple[F64, F64] | None = None
     level_names: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    alone: Callable[[int], Fit] | None = None
     look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None = None
 
     @cached_property
@@ -92,6 +96,26 @@ class FitMany(Elsewhere):
         if self.look is None:
             return np.zeros(len(self), bool), self.bse_even
         return self.look(self)
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """What fits of a few records alone warn of; looked for when first asked, printed with the table."""
+        good = np.flatnonzero(self.usable)
+        if self.alone is None or good.size == 0:
+            return ()
+        few = _few(good.tolist())
+        said: dict[int, str] = {}
+        for r in few:
+            try:
+                remarks = self.alone(r).remarks()
+            except ModfunError:  # what a single fit refuses, such as an input that hardly moves
+                continue
+            if remarks:
+                said[r] = remarks[0].removeprefix("fit: ")
+        if not said:
+            return ()
+        r, text = next(iter(said.items()))
+        return (f"{len(said)} of {len(few)} records that were fitted alone raise doubts; record {r}: {text}",)
 
     @property
     def bse(self) -> F64:
@@ -149,7 +173,8 @@ class FitMany(Elsewhere):
                 "mean_bse": errors.mean(axis=0) if some else nothing,
             },
             title=f"{int(good.sum())} of {len(self)} fits have an estimate"
-            + (f"; the noise of {int(changes)} changes over the record" if changes else ""),
+            + (f"; the noise of {int(changes)} changes over the record" if changes else "")
+            + "".join(f"\n{text}" for text in self.doubts),
         )
 
     def process_noise(self) -> Table:
@@ -186,18 +211,19 @@ class FitMany(Elsewhere):
             f"FitMany of {len(self)} records by {self.structure!r}: {int(self.success.sum())} ok"
             f"{', ' + failed if failed else ''}, {self.options.method}, band {low:.4g} to {high:.4g} rad/s"
         )
-        return "\n".join((line, *self.notes))
+        return "\n".join((line, *self.notes, *self.doubts))
 
     def _repr_html_(self) -> str:
-        return self.table()._repr_html_() + html.listing(self.notes)
+        return self.table()._repr_html_() + html.listing((*self.notes, *self.doubts))
 
     @staticmethod
     def of_fits(
         fits: Sequence[Fit | None], structure: Any, options: Options, notes: tuple[str, ...] = ()
     ) -> FitMany:
         """Single fits as one result, None for a record without; what differs is that of the first."""
-        good = [f for f in fits if f is not None]
-        first, place = good[0], np.flatnonzero([f is not None for f in fits])
+        found = {k: f for k, f in enumerate(fits) if f is not None}
+        good = list(found.values())
+        first, place = good[0], list(found)
 
         def rows(values: Any, missing: Any = np.nan) -> Any:
             own = np.asarray(values)
@@ -221,6 +247,7 @@ class FitMany(Elsewhere):
             structure=structure,
             options=options,
             notes=notes,
+            alone={r: found[r] for r in _few(place)}.__getitem__,
             **driven,
         )
         made.__dict__["_looked"] = rows([f.changing for f in good], False), rows([f.bse for f in good])
@@ -232,10 +259,15 @@ class FitMany(Elsewhere):
         layout: Any,
         structure: Any,
         options: Options,
+        alone: Callable[[int], Fit],
         look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None,
         notes: tuple[str, ...] = (),
     ) -> FitMany:
-        """The core's answer for a batch; `look` finds noise that changes and the errors that allow for it."""
+        """The core's answer for a batch.
+
+        `alone` fits one record over the same band; `look` finds noise that changes and the errors that
+        allow for it.
+        """
         (low, high), omega0 = found["lines"][0], found["omega0"][0]
         status = np.array(STATUS).take(found["status"])
         ended = np.isin(status, USABLE)[:, None]  # elsewhere the core leaves what it began with
@@ -252,6 +284,7 @@ class FitMany(Elsewhere):
             structure=structure,
             options=options,
             notes=notes,
+            alone=alone,
             look=look,
             **_driven(
                 zip(found["process_levels"], found["bse_process_levels"], strict=True)
@@ -261,6 +294,11 @@ class FitMany(Elsewhere):
                 options,
             ),
         )
+
+
+def _few(records: Sequence[int]) -> list[int]:
+    """The first, the middle and the last of these."""
+    return sorted({records[0], records[len(records) // 2], records[-1]})
 
 
 def _of_fit(fit: Fit) -> tuple[F64, F64] | None:

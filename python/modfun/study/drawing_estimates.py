@@ -17,7 +17,7 @@ __all__ = ["histogram", "quantiles"]
 BINS = 40
 POINTS = 199  # quantiles drawn of many estimates
 ACROSS = 3  # panels in a row
-FENCE = 3.0  # widths of the middle half beyond it, where estimates far off would squeeze all others into one bar
+FENCE = 3.0  # widths of the middle half: what is farther from it would squeeze all others into one bar
 
 
 @drawing

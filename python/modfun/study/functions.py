@@ -67,8 +67,8 @@ def attempt(what: str, call: Callable[..., Any], *given: Any) -> Any:
             whose = what or getattr(call, "__name__", "a function")
             kinds = ", ".join(type(one).__name__ for one in given)
             raise SpecError(
-                f"MonteCarlo: {whose} is called with {len(given)} arguments ({kinds}) and does not take them: "
-                f"{error}; give it a parameter for each, in this order"
+                f"MonteCarlo: {whose} is called with {len(given)} arguments ({kinds}) and does not take "
+                f"them: {error}; give it a parameter for each, in this order"
             ) from error
         text = f"{type(error).__name__}: {error}"
         raise Failed((f"{what}: {text}" if what else text)[:LONGEST]) from error

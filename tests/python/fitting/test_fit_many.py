@@ -278,3 +278,22 @@ def test_batches_that_have_no_test_of_changing_noise() -> None:
         assert not many.changing.any()
         np.testing.assert_array_equal(many.bse, many.bse_even)
     assert pickle.loads(pickle.dumps(mf.fit_many(batch, structure))).changing.all()
+
+
+def test_an_input_that_a_batch_lacks_is_in_its_table():
+    """`fit_many` said nothing: no record is looked at until its results are."""
+    t = np.arange(0.0, 20.001, 0.05)
+    rng, system = np.random.default_rng(1), mf.tf([5], [1, 3, 8])
+    u = np.sin(t**2 / 8 + np.arange(20)[:, None])
+    other = np.repeat(rng.choice([-1.0, 1.0], (20, 41)), 10, axis=1)[:, : t.size]
+    y = np.array([system.simulate(u=own, dt=0.05, intersample="smooth") for own in u])
+    whole = y + np.array([system.simulate(u=own, dt=0.05, intersample="zoh") for own in other])
+    noise = 0.1 * rng.standard_normal(y.shape)
+    wrong, right = (
+        mf.fit_many(mf.Batch(y=own + noise, u=u[:, None], dt=0.05, intersample="smooth"), TF20)
+        for own in (whole, y)
+    )
+    assert "records that were fitted alone raise doubts; record 0: The residuals are" in str(wrong.table())
+    assert wrong.doubts[0] in repr(wrong)
+    assert pickle.loads(pickle.dumps(wrong)).doubts == wrong.doubts
+    assert right.doubts == ()
