@@ -48,6 +48,7 @@ from .offsets import mean, offset
 from .runaway import runaway
 from .sparse import sparse
 from .stand_in import stand_in
+from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared
 from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
@@ -183,7 +184,7 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
     contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause,
-    fed_back, unsettled, unstable, condition, undeclared,
+    fed_back, unsettled, unstable, condition, uncertain_poles, undeclared,
 )  # fmt: skip
 
 
