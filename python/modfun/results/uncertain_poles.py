@@ -37,7 +37,7 @@ def uncertain_poles(fit: Estimates) -> Doubt | None:
     return Doubt(
         f"The pole at {shown} rad/s is uncertain: the standard error of its real part is {error:.2g}. Where "
         "poles are known so badly, intervals from standard errors are too short: they miss the truth more "
-        "often than they say. First take intervals from mf.bootstrap(fit); fewer poles, or a record that moves "
-        f"more near {abs(at):.2g} rad/s, make them shorter.",
+        "often than they say. First take intervals from mf.bootstrap(fit); fewer poles, or a record that "
+        f"moves more near {abs(at):.2g} rad/s, make them shorter.",
         sure=worst > MUCH,
     )
