@@ -130,7 +130,7 @@ def fit(
     tol : float
         Relative change of the parameters at which the iteration ends.
     maxiter : int
-        Most iterations.
+        Most iterations; a fit whose last step was longer than 1e-5, in units as `tol`, is "maxiter".
 
     stable : bool, default False
         Whether an unstable estimate of a transfer function gives way to the nearest stable model,

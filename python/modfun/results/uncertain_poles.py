@@ -22,7 +22,7 @@ def uncertain_poles(fit: Estimates) -> Doubt | None:
     """That a pole may lie so far away that the likelihood has another shape there, or another minimum."""
     if not fit.has_poles or fit.options.method != "ml" or not fit.omega0:
         return None
-    slowest, cov = SLOW * min(fit.omega0) / (2 * pi), fit.cov_params()
+    slowest, cov = SLOW * min(fit.omega0) / (2 * pi), Estimates.cov_params(fit)
     worst, at, error = SOME, 0j, 0.0
     for _, output in fit.denominators():
         poles, gradients = fit.pole_gradients(output)

@@ -11,7 +11,7 @@ const END: usize = 9;
 /// Costs that differ by less, in parts of themselves, are those of one minimum.
 pub(crate) const SAME: f64 = 1e-9;
 
-/// Precision of an estimate that a band is chosen by, and that is only the start of another.
+/// Precision of an estimate that a band is chosen by, that is only the start of another, or that ran out of steps.
 pub(crate) const CLOSE: f64 = 1e-5;
 
 /// First and last line of a record.

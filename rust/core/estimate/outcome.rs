@@ -1,6 +1,6 @@
 //! How replicates ended: a status for each lane.
 
-use super::band::SAME;
+use super::band::{CLOSE, SAME};
 use super::iterates::Progress;
 use crate::error::Status;
 use crate::simd::{LANES, Wide};
@@ -48,7 +48,10 @@ pub(crate) fn statuses<'a, D: Iterator<Item = &'a Wide>>(
     dependent: [bool; LANES],
     data: impl Fn() -> D,
 ) -> [Status; LANES] {
-    let steady = |k: usize| if progress.active.0[k] > 0.0 { Status::MaxIter } else { Status::Ok };
+    // Where noise is strong, last steps shrink slowly: what is left to go is far below any standard error.
+    let near = |k: usize| progress.moved.0[k] <= CLOSE * CLOSE;
+    let still = |k: usize| progress.active.0[k] > 0.0 && !near(k);
+    let steady = |k: usize| if still(k) { Status::MaxIter } else { Status::Ok };
     // What nearly always holds is asked of all lanes at once.
     if dependent == [false; LANES] && all_finite(theta, &scale, &progress.cost) {
         return std::array::from_fn(steady);
