@@ -98,7 +98,9 @@ def signal(
     if kind == "foh" and not np.all(np.isfinite(slopes)):
         raise too_steep(values, step)
     if kind == "zoh":
-        pieces = values[:, None]  # the last one is seen at the last sample only
+        moves = np.append(True, values[1:] != values[:-1])  # integrations begin anew at every knot
+        moves[-1] = True  # seen at the last sample only
+        knots, pieces = knots[moves], values[moves, None]
     elif kind == "foh":
         pieces = slopes[:, None] if order else np.column_stack([slopes, values[:-1]])
     else:

@@ -24,6 +24,7 @@ from ..records.record import Record
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
+from .delay_starts import delay_starts
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
@@ -154,8 +155,13 @@ def fit_equation(
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))
     _refuse_constants(layout, records, options)
-    sought = partial(_sought, records, structure, options, layout, again, levels, starts)
     within = sensible(layout, records)
+    if starts is None and again is not None:
+        late = delay_starts(structure, layout, records, options, again)
+        fit = _sought(records, structure, options, layout, again, levels, late, within) if late else None
+        if fit and fit.success and not fit.at_bound:
+            return fit
+    sought = partial(_sought, records, structure, options, layout, again, levels, starts)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
         within = None  # a start that was found farther out
     fit = sought(within)

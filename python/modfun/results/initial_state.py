@@ -37,6 +37,7 @@ ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 SLOPE = 1e-4  # the same for integrations of their own steps
 ROUNDS = 30
+STRAIGHT = 2  # rounds where outputs are straight in the unknowns
 NEARLY, TOL = 1e-4, 1e-10  # what a step has to promise, on the way and at the end
 
 
@@ -209,7 +210,15 @@ def find_state(
     search = _Search(model, rec, TRENDS.index(trend), state)
     n, count = len(model.states), rec.t.size
     lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
-    tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(lengths[0])]
+    tried = []
+    if model.compiled.is_linear:  # outputs are straight in all unknowns: one start will do, over all samples
+        search.step, rounds = 1.0, STRAIGHT
+        tried = [search.refine(next(search.starts(lengths[0])), count, rounds, NEARLY)]
+    if tried and np.isfinite(tried[0][1]):
+        lengths = [count]
+    else:
+        search.step, rounds = STEP, ROUNDS
+        tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(lengths[0])]
     z, cost = min(tried, key=lambda one: one[1])
     if not np.isfinite(cost):
         if state is not None:
@@ -220,11 +229,11 @@ def find_state(
             "initial_state=, or look at the fit's parameters"
         )
     for length in lengths[1:]:
-        z, _ = search.refine(z, length, ROUNDS, NEARLY)
+        z, _ = search.refine(z, length, rounds, NEARLY)
     for rtol, tol in ((ROUGH, NEARLY), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
         search.weigh(z)
         search.rtol = rtol
-        z, _ = search.refine(z, count, ROUNDS, tol)
+        z, _ = search.refine(z, count, rounds, tol)
     here = search.at(z, count)  # DataError: it leaves all bounds, and says when
     freedom = max(int(np.count_nonzero(search.weights)) - z.size, 1)
     cov = np.zeros((n + z.size - search.found, n + z.size - search.found))
@@ -262,7 +271,7 @@ class _Search:
     """Residuals of a record over its first samples, and steps that make them smaller."""
 
     def __init__(self, model: NonlinearModel, rec: Record, terms: int, state: F64 | None) -> None:
-        self.rec, self.rtol, self.state = rec, ROUGH, state
+        self.rec, self.rtol, self.step, self.state = rec, ROUGH, STEP, state
         self.params = np.array(list(model.params.values()))
         if terms:
             from ..equations.symbolic.ode import with_trend
@@ -321,7 +330,7 @@ class _Search:
 
     def at(self, z: F64, length: int) -> _Point:
         """Response, Jacobian and residuals, weighted, over the first samples."""
-        rec, steps = self.rec, STEP * np.maximum(np.abs(z), self.sizes)
+        rec, steps = self.rec, self.step * np.maximum(np.abs(z), self.sizes)
         moved = z[:, None] + np.hstack([np.zeros((z.size, 1)), np.diag(steps)])
         starts = moved[: self.found] if self.state is None else np.tile(self.state[:, None], moved.shape[1])
         params = None
