@@ -59,6 +59,10 @@ __all__ = ["check", "warnings_of"]
 
 
 COMMAND = "r"  # of a loop, as messages name it
+STANDS = (
+    "First make a record in which the command moves, or a dither is added to the input, by more than the "
+    "noise does and about as slowly as the system answers; keep it"
+)
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -130,27 +134,41 @@ def fed_back(fit: Estimates) -> Doubt | None:
     found = feedback(fit)
     if found is None or found.p_value > UNLIKELY or not found.bias > BIASED:
         return None
-    u = found.channel
+    u, y = found.channel, found.output
+    if found.regulates:
+        text = (
+            f"{u} does nothing but answer {y}, as a controller does whose command stands still (p = "
+            f"{found.p_value:.1g}): the record cannot tell the system from the inverse of the controller, "
+            f"and the estimates may be those of the latter. {_by_command(fit, u, STANDS)}"
+        )
+        return Doubt(text, sure=found.p_value < SURE)
     return Doubt(
-        f"{u} follows earlier residuals of {found.output} (p = {found.p_value:.1g}): a loop feeds the noise "
-        f"back, which biases the estimates by about {found.bias:.2g} standard errors. {_by_command(fit, u)}",
+        f"{u} follows earlier residuals of {y} (p = {found.p_value:.1g}): a loop feeds the noise back, which "
+        f"biases the estimates by about {found.bias:.2g} standard errors. {_by_command(fit, u)}",
         sure=found.p_value < SURE and found.least > BIASED,
     )
 
 
-def _by_command(fit: Estimates, channel: str) -> str:
-    """What to do about a loop: its command as the reference, or where that one was tried in vain, another."""
+def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
+    """What to do about a loop: its command as the reference, or where that one was tried in vain, another.
+
+    `otherwise`: what to do where the record keeps no command that helps.
+    """
     free = "" if fit.options.initial_state == "unknown" else ', initial_state="unknown"'
     commands = fit.records[0].kept if fit.records else ()
     name = COMMAND if COMMAND in commands else commands[0] if len(commands) == 1 else ""
     if not name:
         words = f'Record(keep={{"{COMMAND}": ...}}), and fit with reference="{COMMAND}"{free}'
+        if otherwise:
+            return f"{otherwise}, {words}."
         helps = f"it helps where the command moves {channel} more than noise does"
         return f"First keep the command of the loop in the record, {words}; {helps}."
     options = fit.options.replace(reference=(name,), initial_state="unknown")
     other = again(fit, fit.records, fit.structure, options) if fit.again is not None else None
     if other is not None and not warnings_of(other):
         return f'First fit with the command of the loop, reference="{name}"{free}.'
+    if otherwise:
+        return f'{otherwise}, and fit with reference="{name}"{free}.'
     return (
         f'A fit with reference="{name}" does not settle or leaves more than noise: {name} moves {channel} '
         "too little beside the noise. First take one that moves it more, a longer record, or fewer poles."
@@ -183,8 +201,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
-    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, unexplained, one_cause,
-    fed_back, unsettled, unstable, condition, uncertain_poles, undeclared,
+    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, fed_back, unexplained,
+    one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
 )  # fmt: skip
 
 
@@ -221,6 +239,7 @@ def check(fit: Estimates, line: str) -> Findings:
             unrecorded_input,
             late_channel,
             bent,
+            fed_back,
         )
         told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.
