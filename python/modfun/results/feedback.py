@@ -317,7 +317,8 @@ def _pull(fit: Estimates, k: int, led: list[int], e: F64, made: Innovations | No
     D, and the sum of Re(G H) times the power, by output.
     """
     assert fit.records is not None
-    rec, turn = fit.records[k], 1j * (real := _turn(fit, k))
+    rec, real = fit.records[k], _turn(fit, k)
+    turn = 1j * real
     held = [(1 - np.exp(-turn)) / turn if kind == "zoh" else np.ones(turn.size) for kind in rec.intersample]
     g, slopes = (part * np.array(held) for part in response_gradients(fit.layout, fit.params, _omega(fit, k)))
     power = np.ones((len(g), turn.size))
