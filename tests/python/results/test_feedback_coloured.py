@@ -74,7 +74,7 @@ def test_a_loop_is_named_under_a_slow_disturbance(which: str, pole: float) -> No
 
 @pytest.mark.parametrize("which", PLANTS)
 def test_a_record_of_regulation_is_told_from_one_of_a_plant(which: str) -> None:
-    """Estimates are minus the inverse of the controller: of 192 others all warned; `poles=4` was advised."""
+    """Estimates are minus the inverse of the controller: of 192 others all warned so."""
     model, truth = plant(which)
     for seed in range(2):
         fit, text = fitted(closed(which, seed, moves=0.0), model)
