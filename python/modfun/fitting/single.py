@@ -17,6 +17,7 @@ from .past import fit_with_past
 from .plain import fit_plain
 from .prepared import counts_start
 from .robust import refuse_robust, robust_fit
+from .uneven import without_excess
 
 __all__ = ["fit_quietly", "fit_whole", "refuse_whole"]
 
@@ -33,7 +34,10 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)
-    return held_closely(fit_plain(records, structure, options, fit_quietly), fit_quietly)
+    fit = fit_plain(records, structure, options, fit_quietly)
+    if any([rec.dt is None for rec in records]):
+        return without_excess(fit, lambda moved, lines: fit_plain(moved, structure, lines, fit_quietly))
+    return held_closely(fit, fit_quietly)
 
 
 def fit_whole(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
