@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from math import pi
-from typing import Any
 
 import numpy as np
 
@@ -18,9 +17,9 @@ from ..records.record import Record
 from ..results.cures import on_band
 from ..results.estimates import COVARIANCES
 from ..results.fit import Fit
-from ..results.prediction import path_model
-from ..systems.polynomials import companion, time_unit
-from ..systems.propagate import spline
+from ..results.prediction import path_model, unexplained
+from ..results.regression import trend_columns
+from ..systems.polynomials import companion, roots, time_unit
 
 __all__ = ["without_excess"]
 
@@ -28,7 +27,7 @@ ROUNDS = 30
 SETTLED = 0.02  # of a standard error: the last step
 SAME = 1e-7  # of the parameters: the same without noise
 NEARBY = 0.2  # standard errors: between estimates that show how one round follows from the one before
-PARTS = 8  # of a sampling interval, between which a smooth input is taken as straight
+SLOWEST = 6  # samples per period of the last line of a wider band, by the mean step
 LARGE = 1 << 21  # lines times samples, for which matrices of both take too long
 
 Refit = Callable[[tuple[Record, ...], Options], Fit]
@@ -39,32 +38,69 @@ def without_excess(fit: Fit, refit: Refit) -> Fit:
 
     An output bends at each sample where its input is held or straight between them, runs on unseen in long
     steps, and polynomials through uneven samples follow neither: estimates are many standard errors off, and
-    alike on all lines, so that no residual shows it. The estimate's own response has integrals in closed form.
-    What its samples' sums have more is taken out of the outputs, and the fit follows anew until it stands.
+    alike on all lines, so that no residual shows it. The estimate's own response has integrals in closed
+    form. What its samples' sums have more is taken out of the outputs, and the fit follows anew until it
+    stands.
 
     A round's estimate follows the one before by some matrix S, which says how much of the response the sums
     see; errors of the estimate at which rounds end are those of a round times (1 - S)⁻¹.
     """
     records, o = fit.records or (), fit.options
     able = o.noise in ("output", "coloured") and o.method in ("ml", "awls") and not o.reference
-    if not (able and fit.usable) or all([rec.dt is not None or rec.mask is not None for rec in records]):
+    if not (able and fit.usable and any([_counts(rec) for rec in records])):
         return fit
-    tops = [_top(fit, k, rec) for k, rec in enumerate(records)]
+    found = _settled(fit, o, refit)
+    top = min([rec.intervals / SLOWEST / rec.duration for rec in records]) * 2 * pi
+    if fit.band_rule is not None and top > fit.band[1] and (found is None or _has_beyond(found)):
+        # The core's rule ends where integrals over these steps do; what is known of them reaches further.
+        wider = _settled(found or fit, o.replace(band=(0.0, top)), refit)
+        if wider is not None and (found is None or _misses(wider) < _misses(found)):
+            found = wider
+    if found is None:
+        return replace(fit, status="maxiter" if fit.success else fit.status)
+    return replace(found, options=o, band_rule=found.band_rule or fit.band_rule)
+
+
+def _settled(fit: Fit, options: Options, refit: Refit) -> Fit | None:
+    """The fit at which rounds end, with its errors; None where they do not."""
+    records: tuple[Record, ...] = fit.records or ()
+    given = options.band is not None and options.band != fit.options.band
+    edge = (options.band or (0.0, 0.0))[1] / (2 * pi) + 1e-9
+    tops = [int(edge * rec.duration) if given else _top(fit, k, rec) for k, rec in enumerate(records)]
+    if _large(tops, records) and not given:
+        options, tops = on_band(fit, fit.band), [last for _, last in fit.lines]
     if _large(tops, records):
-        o, tops = on_band(fit, fit.band), [last for _, last in fit.lines]
-    if _large(tops, records):
-        return fit
+        return fit if not given else None
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
-            rounds = _Rounds(records, tops, o.rule, refit)
-            found = rounds.settled(fit, o)
-            found = found if found is None else rounds.with_errors(found)
+            rounds = _Rounds(fit, tops, refit)
+            found = rounds.settled(fit, options)
+            return found and replace(rounds.with_errors(found), records=records)
     except (ArithmeticError, ModfunError, np.linalg.LinAlgError):  # a response beyond the range of numbers
-        found = None
-    if found is None:
-        return replace(fit, status="maxiter" if fit.success else fit.status)
-    return replace(found, records=records, options=fit.options, band_rule=found.band_rule or fit.band_rule)
+        return None
+
+
+def _has_beyond(fit: Fit) -> bool:
+    """Whether a pole lies beyond the lines."""
+    each = range(len(fit.outputs))
+    return any([np.max(np.abs(roots(fit.polynomials(i)[0])), initial=0.0) > fit.band[1] for i in each])
+
+
+def _misses(fit: Fit) -> float:
+    """Squares that the response leaves of the outputs."""
+    return float(
+        sum([np.sum((unexplained(fit, rec).T / np.std(rec.y, axis=1)) ** 2) for rec in fit.records or ()])
+    )
+
+
+def _counts(rec: Record) -> bool:
+    """Whether samples are uneven, and inputs known between them: a spline through close ones may swing."""
+    return rec.dt is None and rec.mask is None and "smooth" not in rec.intersample
+
+
+def _levelled(rows: F64) -> F64:
+    return np.asarray(rows - rows.mean(axis=1, keepdims=True))
 
 
 def _top(fit: Fit, k: int, rec: Record) -> int:
@@ -80,15 +116,19 @@ def _large(tops: list[int], records: tuple[Record, ...]) -> bool:
 class _Rounds:
     """Fits, each of outputs less what the estimate before tells of their sums."""
 
-    def __init__(self, records: tuple[Record, ...], tops: list[int], rule: str, refit: Refit) -> None:
-        self.records, self.refit = records, refit
-        both = zip(records, tops, strict=True)
-        self.sums = [None if rec.dt or rec.mask is not None else _Sums(rec, top, rule) for rec, top in both]
+    def __init__(self, fit: Fit, tops: list[int], refit: Refit) -> None:
+        self.records, self.refit = fit.records or (), refit
+        both = zip(self.records, tops, strict=True)
+        self.sums = [
+            _Sums(rec, top, fit.options.rule, fit.trend) if _counts(rec) else None for rec, top in both
+        ]
 
     def after(self, fit: Fit, options: Options) -> Fit:
         """The fit that follows from what an estimate tells."""
         own = replace(fit, records=self.records)
-        moved = [rec if of is None else of.moved(own) for rec, of in zip(self.records, self.sums, strict=True)]
+        moved = [
+            rec if of is None else of.moved(own) for rec, of in zip(self.records, self.sums, strict=True)
+        ]
         found = self.refit(tuple(moved), options)
         if not found.usable:
             raise ArithmeticError
@@ -109,79 +149,74 @@ class _Rounds:
         options, free = on_band(fit, fit.band), np.flatnonzero(fit.bse > 0)
         if np.any(fit.bse <= SAME * np.abs(fit.params)):  # steps of a part of it would be rounding
             return fit
-        same, follows = self.after(fit, options).params, np.zeros((fit.params.size,) * 2)
-        for k in free:
+        same = self.after(fit, options).params
+        # Along the axes of the errors: a step of one parameter alone may be far outside of them.
+        size, axes = np.linalg.eigh(fit.cov_nonrobust[np.ix_(free, free)] / np.outer(*[fit.bse[free]] * 2))
+        follows, steps = np.zeros_like(axes), NEARBY * fit.bse[free][:, None] * axes * np.sqrt(size)
+        for k, step in enumerate(steps.T):
             near = fit.params.copy()
-            near[k] += NEARBY * fit.bse[k]
-            follows[:, k] = (self.after(replace(fit, params=near), options).params - same) / (near - fit.params)[k]
-        grow = np.linalg.inv(np.eye(follows.shape[0]) - follows)
+            near[free] += step
+            follows[:, k] = (self.after(replace(fit, params=near), options).params - same)[free]
+        grow = np.eye(fit.params.size)
+        grow[np.ix_(free, free)] = steps @ np.linalg.inv(steps - follows)
         return replace(fit, **{name: grow @ getattr(fit, name) @ grow.T for name in COVARIANCES})
 
 
 class _Sums:
     """Sums over the samples of one record, and integrals of what runs between them."""
 
-    def __init__(self, rec: Record, top: int, rule: str) -> None:
-        self.rec, t = rec, np.ascontiguousarray(rec.t - rec.t[0])
-        self.span = float(t[-1])
+    def __init__(self, rec: Record, top: int, rule: str, trend: str | None) -> None:
+        self.t = t = np.ascontiguousarray(rec.t - rec.t[0])
+        # Beside a trend levels say nothing, and sums over uneven samples spread them over all lines.
+        self.rec = rec if trend is None else rec._like(y=_levelled(rec.y), u=_levelled(rec.u))
+        self.span, self.drift = float(t[-1]), trend_columns(t, trend)
         self.s = 2j * pi / self.span * np.arange(top + 1)
         weights = quadrature_weights(rule, rec.intervals, t) / self.span
         self.rows = np.exp(-np.outer(self.s, t)) * weights
         # The smallest samples with given sums.
         self.q, self.r = np.linalg.qr(np.concatenate([self.rows.real, self.rows.imag[1:]]).T)
-        self.parts = PARTS if "smooth" in rec.intersample else 1
-        within = np.diff(t)[:, None] * (np.arange(self.parts) / self.parts)
-        self.t = np.append((t[:-1, None] + within).ravel(), t[-1])
-        at = np.append(np.arange(t.size - 1).repeat(self.parts), t.size - 1)
-        run: dict[str, Callable[[F64], Any]] = {
-            "zoh": lambda u: u[at],
-            "foh": lambda u: np.interp(self.t, t, u),
-            "smooth": lambda u: spline(t, u)(self.t),
-        }
-        each = zip(rec.intersample, rec.u, strict=True)
-        self.u = np.array([run[kind](u) for kind, u in each]).reshape(len(rec.u), self.t.size)
-        self.kinds = ["zoh" if kind == "zoh" else "foh" for kind in rec.intersample]
-        self.lines = np.zeros((0, top + 1), complex)
-        if len(self.u):
-            self.lines = coefficients(self.u, top, self.kinds, [0.0] * len(self.u), 0, self.t)
-        self.driving = rec.u.copy()
-        for k, kind in enumerate(rec.intersample):
-            if kind == "smooth":
-                self.driving[k] -= self._samples(self.rows @ rec.u[k] - self.lines[k])
+        self.held = [kind == "zoh" for kind in rec.intersample]
+        self.lines = self._integrals(self.rec.u, list(rec.intersample))
+        self.of_drift = self.drift @ self.rows.T - self._integrals(self.drift, ["foh"] * len(self.drift))
+
+    def _integrals(self, rows: F64, kinds: list[str]) -> C128:
+        if not len(rows):
+            return np.zeros((0, self.s.size), complex)
+        return coefficients(np.ascontiguousarray(rows), self.s.size - 1, kinds, [0.0] * len(rows), 0, self.t)
 
     def moved(self, fit: Fit) -> Record:
         """The record with outputs less what sums of the fit's response have too much."""
-        layout, state = fit.layout, fit.simulate(self.rec)[1].state
-        y, first = self.rec.y.copy(), 0
+        layout, start = fit.layout, fit.simulate(self.rec)[1]
+        y, first, u = self.rec.y.copy(), 0, self.rec.u
+        trends = start.trend.reshape(len(y), -1)
         for i, n in enumerate(layout.orders):
             a, b, c, d, _ = path_model(layout, fit.params, i).scaled()
             excess = self._excess(a, b, c, d, np.zeros(len(a)))
             # The free response beside it, whose state is that of another realization.
             den = layout.polynomials(fit.params, i)[0]
             rate = time_unit(den, 1.0 / self.span)
-            none, start = np.zeros((n, len(self.u))), state[first : first + n] / rate ** np.arange(n)
-            excess += self._excess(companion(den, rate), none, np.eye(n)[:1], none[:1], start)
+            none, free = np.zeros((n, len(u))), start.state[first : first + n] / rate ** np.arange(n)
+            excess += self._excess(companion(den, rate), none, np.eye(n)[:1], none[:1], free)
+            excess += trends[i] @ self.of_drift
             y[i] -= self._samples(excess)
             first += n
         if not np.isfinite(y).all():
             raise ArithmeticError
-        return self.rec._like(y=y, u=self.driving)
+        return self.rec._like(y=y)
 
     def _excess(self, a: F64, b: F64, c: F64, d: F64, start: F64) -> C128:
-        """What the sums of a response have more than its integrals, of which s X = A X + B U + (x₀ - x₁)/T."""
+        """What sums of a response have more than its integrals, of which s X = A X + B U + (x₀ - x₁)/T."""
         n = len(a)
         # The integral of the output is a state, too: line 0, where A may have no inverse.
         wide = np.block([[a, np.zeros((n, 1))], [c, np.zeros((1, 1))]])
-        held = [kind == "zoh" for kind in self.kinds]
-        none = np.zeros((n + 1, len(self.u)))
-        x = simulate_uneven(
-            wide, np.vstack([b, d]), np.eye(n + 1), none, np.append(start, 0.0), self.u, held, self.t
-        ).reshape(n + 1, -1)
-        y = c @ x[:n] + d @ self.u
+        u, none = self.rec.u, np.zeros((n + 1, len(b.T)))
+        system = wide, np.vstack([b, d]), np.eye(n + 1), none, np.append(start, 0.0)
+        x = simulate_uneven(*system, u, self.held, self.t).reshape(n + 1, -1)
+        y = c @ x[:n] + d @ u
         drive = (b @ self.lines).T + (x[:n, 0] - x[:n, -1]) / self.span
         states = np.linalg.solve(self.s[1:, None, None] * np.eye(n) - a, drive[1:, :, None])[..., 0]
         integrals = np.append(x[n, -1] / self.span, states @ c[0] + (d @ self.lines)[0, 1:])
-        return np.asarray(self.rows @ y[0, :: self.parts] - integrals)
+        return np.asarray(self.rows @ y[0] - integrals)
 
     def _samples(self, lines: C128) -> F64:
         """The smallest samples of which these are the sums."""
