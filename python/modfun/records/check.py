@@ -14,8 +14,9 @@ from ..base.tables import Findings
 from ..base.units import angle_of
 from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
 from .joints import joints
-from .mask import runs
+from .mask import leaving_out, runs
 from .samples import Samples
+from .slower import slow_samples
 from .spectra import noise_table, spectrum_of
 
 __all__ = ["check_record", "dropped_samples", "frozen_samples", "mixed_angles", "remarks_for_fits"]
@@ -299,7 +300,7 @@ def _codes(record: Samples, name: str) -> Iterator[str]:
             continue
         span = float(np.ptp(others))
         if span > 0 and np.abs(others - extreme).min() > 10 * span:
-            cure = _without(record, name, f"rec[{name!r}] != {extreme:g}")
+            cure = leaving_out(record, name, f"rec[{name!r}] != {extreme:g}")
             yield (
                 f"{_kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
                 f"others ({others.min():.4g} to {others.max():.4g}); if that is a code for missing values, "
@@ -325,7 +326,7 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         starts, lengths = runs(there)
         if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
             where = record.t[starts[int(np.argmax(lengths))]]
-            cure = f" If so, {_without(record, name, f'rec[{name!r}] != {extreme!r}')}."
+            cure = f" If so, {leaving_out(record, name, f'rec[{name!r}] != {extreme!r}')}."
             yield (
                 f"{_kind(record, name)} {name!r} may be clipped: {int(there.sum())} samples sit exactly at "
                 f"its {end} value {extreme:g}, {int(lengths.max())} in a row from t = {where:g} s."
@@ -342,7 +343,8 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
             "between the stored values, as fit.check() says."
         )
         return
-    if found := [*frozen_samples(record, name), *dropped_samples(record, name)]:
+    slow = slow_samples(record, name) if name in record.outputs else ()
+    if found := [*slow, *frozen_samples(record, name), *dropped_samples(record, name)]:
         yield from found
         return
     good = record._good(name)
@@ -369,7 +371,7 @@ def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     if np.count_nonzero(record._good(name)[found[0] : last + 1]) < FROZEN:
         return
     moving = f"(rec.t < {record.t[first]:.6g}) | (rec.t > {record.t[last]:.6g})"
-    cure = _without(record, name, moving) if name in record.outputs else "fill them in"
+    cure = leaving_out(record, name, moving) if name in record.outputs else "fill them in"
     yield (
         f"{_kind(record, name)} {name!r} is frozen: {found[1]} samples from t = {record.t[found[0]]:.6g} s "
         f"on are equal, and others hardly ever are. First {cure}."
@@ -383,7 +385,7 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
         return
     starts, lengths, zeros = found
     kept = f"rec[{name!r}] != 0" if zeros else f"np.r_[True, np.diff(rec[{name!r}]) != 0]"
-    cure = _without(record, name, kept)
+    cure = leaving_out(record, name, kept)
     if name in record.inputs:
         still = zeros and np.count_nonzero(record[name] == 0) > lengths.sum()  # at rest, too
         cure = "fill them in from the samples beside them"
@@ -394,11 +396,6 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
         f"{_kind(record, name)} {name!r} drops out {starts.size} times: {int((lengths - (not zeros)).sum())} "
         f"samples, from t = {_first_times(record, starts)} s on, are {what}. First {cure}."
     )
-
-
-def _without(record: Samples, name: str, good: str) -> str:
-    """Say how to leave samples of one output out."""
-    return f"leave them out, rec.weigh(mask={good if len(record.outputs) == 1 else f'{{{name!r}: {good}}}'})"
 
 
 def _first_times(record: Samples, places: NDArray[np.intp]) -> str:

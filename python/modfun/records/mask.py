@@ -14,8 +14,8 @@ from ..base.samples import FEWEST, channels_of, floats
 from ..errors import DataError, SpecError
 
 __all__ = [
-    "Mask", "filled", "mask_of", "refuse_own_noise", "refuse_scarce", "rows_of", "runs", "sample_weights",
-    "scarce", "sigma_of",
+    "Mask", "filled", "leaving_out", "mask_of", "refuse_own_noise", "refuse_scarce", "rows_of", "runs",
+    "sample_weights", "scarce", "sigma_of",
 ]  # fmt: skip
 
 Mask = NDArray[np.bool_]
@@ -133,3 +133,8 @@ def refuse_own_noise(rec: Any, what: str, cure: str) -> None:
         if rec.mask is not None:
             have = f"has {int((~rec.mask).sum())} masked samples"
         raise DataError(f"{what}: every sample counts alike here, and the record {have}; {cure}")
+
+
+def leaving_out(record: Any, name: str, good: str) -> str:
+    """Say how to leave samples of one output out, by code that is true of the others."""
+    return f"leave them out, rec.weigh(mask={good if len(record.outputs) == 1 else f'{{{name!r}: {good}}}'})"

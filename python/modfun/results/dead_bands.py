@@ -7,6 +7,7 @@ import numpy as np
 from ..records.check import dropped_samples, frozen_samples
 from ..records.dead_band import dead_band
 from ..records.record import Record
+from ..records.slower import slow_samples
 from .cures import again, furthest, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
@@ -69,7 +70,8 @@ def stands_still(fit: Estimates) -> Doubt | None:
     """That an output stood still while it moved before and after, or that a channel dropped out."""
     for k, rec in enumerate(fit.records or ()):
         for name in (*rec.outputs, *rec.inputs):
-            standing = frozen_samples(rec, name) if name in rec.outputs else ()
+            of_outputs = (slow_samples, frozen_samples) if name in rec.outputs else ()
+            standing = [text for look in of_outputs for text in look(rec, name)]
             for text in (*standing, *dropped_samples(rec, name)):
                 return Doubt(text if k == 0 else f"Record {k}: {text}")
     return None

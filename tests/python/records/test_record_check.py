@@ -91,7 +91,9 @@ def test_check_codes_for_missing_values():
 
 
 def test_check_stale_samples():
-    assert said("74 % of its samples repeat", y=np.repeat(Y[::4], 4)[: N + 1], u=U)
+    assert said("'y' has a new value only every 4th sample", y=np.repeat(Y[::4], 4)[: N + 1], u=U)
+    uneven = np.repeat(Y[::4], np.resize([3, 5], Y[::4].size))[: N + 1]
+    assert said("% of its samples repeat", y=uneven, u=U)
     frozen = Y.copy()
     frozen[100:160] = frozen[100]
     assert said("'y' is frozen: 60 samples from t = 2 s on are equal", y=frozen, u=U)

@@ -1,0 +1,145 @@
+"""Channels slower than their record: new values every few samples only, held or drawn as lines between."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import gcd
+
+import numpy as np
+
+from ..base.arrays import F64
+from ..base.between import SAME, UNITS
+from .mask import Mask, leaving_out
+from .samples import Samples
+
+__all__ = ["drawn", "held", "ordinal", "slow_samples"]
+
+CHUNK = 4096  # samples that are looked at together: of most records, the first few tell
+SLOWEST = 50  # samples, at most, from one measured value to the next
+PART = (
+    0.5  # of the samples on a grid that show a change or an angle, at least, and of those off it that count
+)
+LEAST, CHANCE = 10, 1e-6  # changes, at least, and how likely others would all be on one grid
+BRIDGED = 6  # samples from one that counts to the next, at most, of which a mask makes good estimates
+ROWS, LAGS, EXACT = 1000, 64, 1e-6  # samples, last inputs, part of the rms: an output that inputs explain
+
+
+def held(values: F64, good: Mask | None = None) -> tuple[int, int]:
+    """How many samples lie from one measured value to the next, and the first; (1, 0) if all are measured."""
+    return _grid(values, good, 1)
+
+
+def drawn(values: F64, good: Mask | None = None) -> tuple[int, int]:
+    """The same of values between which lines were drawn."""
+    return _grid(values, good, 2)
+
+
+def _grid(values: F64, good: Mask | None, order: int) -> tuple[int, int]:
+    """Step and first sample of the grid that holds all differences of an order that are not zero.
+
+    Samples that do not count show nothing. Where neighbours differ, which is nearly always, the first few
+    samples end the search.
+    """
+    least = SAME * float(values.max() - values.min())
+    step = count = 0
+    first = -1
+    for begin in range(0, values.size - order, CHUNK):
+        window = slice(begin, begin + CHUNK + order)
+        moved = np.abs(np.diff(values[window], order)) > least
+        if good is not None:
+            moved &= _whole(good[window], order)
+        at = begin + 1 + np.flatnonzero(moved)
+        if not at.size:
+            continue
+        first = int(at[0]) if first < 0 else first
+        step = gcd(step, int(np.gcd.reduce(at - first)))
+        if step == 1:
+            return 1, 0
+        count += at.size
+    if not 1 < step <= SLOWEST or count < LEAST or step ** (1.0 - count) > CHANCE:
+        return 1, 0
+    first %= step
+    whole = np.ones(values.size - order, np.bool_) if good is None else _whole(good, order)
+    grid = np.arange(1, whole.size + 1) % step == first
+    if np.count_nonzero(whole & ~grid) < PART * np.count_nonzero(~grid):
+        return 1, 0  # what the mask leaves might move between as well
+    return (step, first) if count >= PART * np.count_nonzero(whole & grid) else (1, 0)
+
+
+def _whole(good: Mask, order: int) -> Mask:
+    """Where all samples of a difference count."""
+    found = good[order:].copy()
+    for k in range(order):
+        found &= good[k : good.size - order + k]
+    return found
+
+
+def slow_samples(record: Samples, name: str) -> Iterator[str]:
+    """Say that an output is slower than its record, unless only its own samples count."""
+    good = None if record.mask is None else record._good(name)
+    step, first = held(record[name], good)
+    seen = "has a new value only every {} sample and repeats it, as a slower sensor does"
+    if step == 1:
+        step, first = drawn(record[name], good)
+        seen = "consists of straight lines between every {} sample, as of a slower record"
+    if step == 1 or _explained(record, name, step, first):
+        return
+    yield (
+        f"Output {name!r} {seen.format(ordinal(step))}: the samples between are no measurements. "
+        f"First {_cure(record, name, step, first)}."
+    )
+
+
+def _explained(record: Samples, name: str, step: int, first: int) -> bool:
+    """Whether an output that moves on a grid does so by itself: rounded, or since inputs move so."""
+    good = record._good(name)
+    change = np.abs(np.diff(record[name][first::step][good[first::step]]))
+    change = change[change > SAME * np.ptp(record[name])]
+    unit = float(change.min()) if change.size else 0.0
+    if change.size == 0 or change.mean() <= UNITS * unit:
+        return True
+    lines = held(record[name], good)[0] == 1
+    if lines and any(held(record[u])[0] == step for u in record.inputs):
+        return True  # an integral, however late
+    return _follows(record, name, good, step, unit)
+
+
+def _follows(record: Samples, name: str, good: Mask, step: int, unit: float) -> bool:
+    """Whether the last inputs explain an output to its unit, or its changes, as of a gain or an integral.
+
+    Only outputs without noise are explained so: of a sensor, the least change is far below its noise.
+    """
+    count = min(record.t.size, ROWS)
+    lags = min(LAGS, count // (2 * step * len(record.inputs) + 1))  # fewer than values, or all are explained
+    rows = np.unique(np.linspace(lags, record.t.size - 2, count).astype(np.intp))
+    rows = rows[good[rows] & good[rows + 1]]
+    columns = [record[u][rows - lag] for u in record.inputs for lag in range(lags)]
+    a = np.column_stack([np.ones(rows.size), *columns])
+    values = record[name][rows]
+    for part, least in ((values, unit), (record[name][rows + 1] - values, 0.0)):
+        off = part - a @ np.linalg.lstsq(a, part, rcond=None)[0]
+        if off.std() <= max(EXACT * part.std(), least):
+            return True
+    return False
+
+
+def _cure(record: Samples, name: str, step: int, first: int) -> str:
+    """Say, by code, which samples to take: of the output, or of all channels where all are as slow."""
+    whole = bool(record.inputs) and all(
+        (step, first) in (held(record[u]), drawn(record[u])) for u in record.inputs
+    )
+    if step <= BRIDGED and not whole:
+        return leaving_out(record, name, f"np.arange(rec.t.size) % {step} == {first}")
+    own = f"[:, {first}::{step}]"
+    clock = f"dt={step} * rec.dt" if record.dt else f"t=rec.t[{first}::{step}]"
+    names = ", outputs=rec.outputs"
+    if record.inputs:
+        names = f", u=rec.u{own}{names}, inputs=rec.inputs"
+    declared = whole and not record._seen and set(record.intersample) == {"zoh"}
+    word = ', intersample="zoh"' if declared else ""
+    return f"take these samples of all channels, mf.Record(y=rec.y{own}, {clock}{names}{word})"
+
+
+def ordinal(number: int) -> str:
+    teens = number % 100 in (11, 12, 13)
+    return f"{number}{'th' if teens else {1: 'st', 2: 'nd', 3: 'rd'}.get(number % 10, 'th')}"
