@@ -46,6 +46,7 @@ from .late_channels import late_channel
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .offsets import mean, offset
 from .runaway import runaway
+from .slow_inputs import slow_input
 from .sparse import sparse
 from .stand_in import stand_in
 from .uncertain_poles import uncertain_poles
@@ -200,9 +201,9 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
-    noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, in_two_units, in_other_units,
-    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, fed_back, unexplained,
-    one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
+    noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
+    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, fed_back,
+    unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
 )  # fmt: skip
 
 
@@ -231,6 +232,7 @@ def check(fit: Estimates, line: str) -> Findings:
         first = (
             in_degrees,
             stored_late,
+            slow_input,
             unlike_records,
             one_record,
             in_other_units,
