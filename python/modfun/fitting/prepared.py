@@ -239,9 +239,10 @@ def refuse_standing(
         if not any([row[k] is not None for row in layout.numerators]):
             continue
         if all([_stands(u[k]) for u in us]):
+            left = [other for other in layout.inputs if other != name]
             raise DataError(
                 f"fit: input {name!r} stands at {us[0][k, 0]:g} throughout, so nothing can be "
-                "learnt from it: leave it out with rec.select(inputs=[...]), or take a record in which "
+                f"learnt from it: leave it out with rec.select(inputs={left}), or take a record in which "
                 "it moves (of a step test, from before the step; if the step came at the first sample, at "
                 'rest, give initial_state="zero", with inputs and outputs as deviations from the operating '
                 "point before the step)"

@@ -191,9 +191,10 @@ def _constant(record: Samples, name: str) -> str:
         if value
         else ""
     )
+    left = [other for other in record.inputs if other != name]
     return (
-        f"Input {name!r} is {value:g} throughout: no excitation, its numerator cannot be found; leave it "
-        f"out{begun}."
+        f"Input {name!r} is {value:g} throughout: no excitation, nothing can be learnt about its gain; leave "
+        f"it out, rec.select(inputs={left}){begun}."
     )
 
 

@@ -49,6 +49,7 @@ from .runaway import runaway
 from .slow_inputs import slow_input
 from .sparse import sparse
 from .stand_in import stand_in
+from .still_inputs import of_still_inputs
 from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared
 from .uneven_noise import of_time
@@ -102,6 +103,8 @@ def _lost(fit: Estimates) -> str:
 
 def _failed(fit: Estimates) -> str:
     """Why there is no estimate."""
+    if still := of_still_inputs(fit):
+        return still
     with np.errstate(all="ignore"):
         doubt = (
             in_degrees(fit)
