@@ -16,9 +16,7 @@ __all__ = ["drawn", "held", "ordinal", "slow_samples"]
 
 CHUNK = 4096  # samples that are looked at together: of most records, the first few tell
 SLOWEST = 50  # samples, at most, from one measured value to the next
-PART = (
-    0.5  # of the samples on a grid that show a change or an angle, at least, and of those off it that count
-)
+PART = 0.5  # of the samples on a grid that show a change or an angle, at least; of those off it that count
 LEAST, CHANCE = 10, 1e-6  # changes, at least, and how likely others would all be on one grid
 BRIDGED = 6  # samples from one that counts to the next, at most, of which a mask makes good estimates
 ROWS, LAGS, EXACT = 1000, 64, 1e-6  # samples, last inputs, part of the rms: an output that inputs explain
@@ -59,11 +57,13 @@ def _grid(values: F64, good: Mask | None, order: int) -> tuple[int, int]:
     if not 1 < step <= SLOWEST or count < LEAST or step ** (1.0 - count) > CHANCE:
         return 1, 0
     first %= step
-    whole = np.ones(values.size - order, np.bool_) if good is None else _whole(good, order)
-    grid = np.arange(1, whole.size + 1) % step == first
-    if np.count_nonzero(whole & ~grid) < PART * np.count_nonzero(~grid):
+    size = values.size - order
+    whole = np.broadcast_to(np.True_, size) if good is None else _whole(good, order)
+    on_grid = whole[(first - 1) % step :: step]
+    seen = int(np.count_nonzero(on_grid))
+    if np.count_nonzero(whole) - seen < PART * (size - on_grid.size):
         return 1, 0  # what the mask leaves might move between as well
-    return (step, first) if count >= PART * np.count_nonzero(whole & grid) else (1, 0)
+    return (step, first) if count >= PART * seen else (1, 0)
 
 
 def _whole(good: Mask, order: int) -> Mask:

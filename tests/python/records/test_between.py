@@ -168,7 +168,7 @@ def far_off(**words):
     return np.abs(np.mean(errors, axis=0)) / (np.std(errors, axis=0, ddof=1) / np.sqrt(50))
 
 
-@pytest.mark.filterwarnings("ignore:fit. The residuals of y follow u")  # of the wrong word, and rightly
+@pytest.mark.filterwarnings("ignore:fit. Input .u. has a new value only every")  # the wrong word, rightly
 def test_a_held_input_at_20_hz_costs_no_bias_with_nothing_declared():
     """Three parameters beyond four standard errors: false alarm 2e-4 for normal errors, seeds are fixed."""
     assert np.all(far_off() < 4)
