@@ -89,7 +89,6 @@ def _at_rest(
     own, outputs, inputs = ([jet(name) for name in names] for names in (parameters, *channels))
     left = sympy.Matrix([one.replace(Delayed, lambda signal, _: signal) for one in source])
     left = left.subs({symbol: 0 for symbol in left.free_symbols - {*own, *outputs, *inputs}})  # derivatives
-    made: Callable[..., Any] = sympy.lambdify(
-        [own, outputs, inputs], [left, left.jacobian(own), left.jacobian(outputs)]
-    )
+    slopes = [left.jacobian(symbols).replace(sympy.DiracDelta, lambda *_: 0) for symbols in (own, outputs)]
+    made: Callable[..., Any] = sympy.lambdify([own, outputs, inputs], [left, *slopes])
     return made

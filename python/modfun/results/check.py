@@ -169,7 +169,8 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
         return f"First keep the command of the loop in the record, {words}; {helps}."
     options = fit.options.replace(reference=(name,), initial_state="unknown")
     other = again(fit, fit.records, fit.structure, options) if fit.again is not None else None
-    if other is not None and not warnings_of(other):
+    others = tuple([look for look in LOOKS if look is not uncertain_poles])
+    if other is not None and not warnings_of(other, others):
         return f'First fit with the command of the loop, reference="{name}"{free}.'
     if otherwise:
         return f'{otherwise}, and fit with reference="{name}"{free}.'
@@ -210,13 +211,13 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
 )  # fmt: skip
 
 
-def warnings_of(fit: Estimates) -> list[str]:
+def warnings_of(fit: Estimates, looks: tuple[Callable[[Estimates], Doubt | None], ...] = LOOKS) -> list[str]:
     """The one warning a fit is made with: the first of what is beyond doubt, if there is any."""
     if not fit.usable:
         return [f"fit: {_failed(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
         whole = stand_in(fit)
-        found = (look(whole) for look in LOOKS)
+        found = (look(whole) for look in looks)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
 
 

@@ -33,6 +33,7 @@ MOST = 1 << 16  # samples of a record whose residuals are laid out in time
 ALONE = 10.0  # of log likelihood: from there on residuals explain an input better than outputs do
 CANCELS = 2.0  # standard errors between a pole and a zero, at most
 NEW = 0.01  # of an input's rms: what its past does not predict is more, or it knows no noise
+ADDS = 1.0  # of the noise, by which a loop may add to it
 FINE = 1e-4  # of an output's rms: innovations below that are no noise, but what regressions leave
 RESTS = 0.2  # of an input's runs of equal samples that are longer than the shortest: of none that noise moves
 ALL = 1e-4  # of an input's power: what outputs do not explain of one that does nothing but answer them
@@ -92,7 +93,8 @@ def feedback(fit: Estimates) -> Feedback | None:
     if found is not None and stable(fit):
         # Between the samples of a held input lines fold into others: a simulation has them all.
         found = _found(fit, led, _in_time)
-    return found
+    # What comes back of noise adds to it less than the noise itself; more comes of an input read too late.
+    return None if found is not None and found.back > ADDS else found
 
 
 def _superfluous(fit: Estimates) -> bool:

@@ -37,6 +37,7 @@ ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 SLOPE = 1e-4  # the same for integrations of their own steps
 ROUNDS = 30
+FEW = 6  # samples of a start that follows the first ones closely
 STRAIGHT = 2  # rounds where outputs are straight in the unknowns
 NEARLY, TOL = 1e-4, 1e-10  # what a step has to promise, on the way and at the end
 
@@ -211,7 +212,9 @@ def find_state(
     n, count = len(model.states), rec.t.size
     lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
     tried = []
-    if model.compiled.is_linear:  # outputs are straight in all unknowns: one start will do, over all samples
+    if (
+        model.compiled.terms and model.compiled.is_linear
+    ):  # outputs are straight in all unknowns: one start will do, over all samples
         search.step, rounds = 1.0, STRAIGHT
         tried = [search.refine(next(search.starts(lengths[0])), count, rounds, NEARLY)]
     if tried and np.isfinite(tried[0][1]):
@@ -219,6 +222,8 @@ def find_state(
     else:
         search.step, rounds = STEP, ROUNDS
         tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(lengths[0])]
+    if not any([np.isfinite(cost) for _, cost in tried]):  # few samples a cycle: a shorter polynomial
+        tried = [search.refine(z, lengths[0], 5, 0.1) for z in search.starts(min(lengths[0], FEW), 1)]
     z, cost = min(tried, key=lambda one: one[1])
     if not np.isfinite(cost):
         if state is not None:
@@ -298,25 +303,31 @@ class _Search:
         """Initial state and trend among the unknowns."""
         return (z[: self.found] if self.state is None else self.state), z[self.found :]
 
-    def starts(self, length: int) -> Iterator[F64]:
-        """First guesses: what a polynomial through the first samples says, and multiples for the rest."""
+    def starts(self, length: int, extra: int = 2) -> Iterator[F64]:
+        """First guesses: what polynomials through the first samples say, and multiples for the rest."""
+        more = np.zeros(self.sizes.size - self.found)
+        if not self.found:
+            yield more
+            return
+        derivative = np.array(["'" in s for s in self.model.states])
+        x = self._polynomial(length, extra)
+        unseen = np.isnan(x)
+        for multiple in MULTIPLES if unseen.any() else (0.0,):
+            guess = np.where(derivative, 0.0, multiple * self.sizes[: self.found])
+            yield np.append(np.where(unseen, guess, x), more)
+
+    def _polynomial(self, length: int, extra: int) -> F64:
+        """Values and slopes of measured outputs at the first sample, nan for the rest."""
         x = np.full(len(self.model.states), np.nan)
         t = self.rec.t[:length] - self.rec.t[0]
         for name, y, weight in zip(self.rec.outputs, self.rec.y, self.own, strict=True):
             order = sum(s.rstrip("'") == name for s in self.model.states)
-            degree = min(order + 2, max(length // 3, 1))
+            degree = min(order + extra, max(length // 3, 1))
             found = np.polynomial.Polynomial.fit(t, y[:length], degree, w=weight[:length])
             for k in range(order):
                 slope = found.deriv(k) if k else found
                 x[self.model.states.index(name + "'" * k)] = slope(0.0)
-        unseen, more = np.isnan(x), np.zeros(self.sizes.size - self.found)
-        if not self.found:
-            yield more
-            return
-        for multiple in MULTIPLES if unseen.any() else (0.0,):
-            derivative = np.array(["'" in s for s in self.model.states])
-            guess = np.where(derivative, 0.0, multiple * self.sizes[: self.found])
-            yield np.append(np.where(unseen, guess, x), more)
+        return x
 
     def weigh(self, z: F64) -> None:
         """Weigh outputs by the residuals that z leaves."""

@@ -26,12 +26,15 @@ from ..records.record import Record
 from ..systems.lti import LTI
 from .axes import Axis
 from .contenders import Contender
+from .functions import Failed
 from .groups import Group
 from .metrics import Metric, Metrics
 from .plan import Plan
 from .tally import STATUS, TEXTS, USED, Tally, share_mcse
 
 __all__ = ["Figures"]
+
+DRAWN = 100  # initial states that the bound is a mean over
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,11 +122,11 @@ class Figures(Elsewhere):
         """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
 
         From all samples, with the estimator's trend unknown, and the initial state unless the estimator
-        knows it; with process noise its levels are unknown, too. It holds where records begin, of a linear
-        system's drawn states at their mean. It is nan where the noise or the records are the user's, the
-        structure does not hold the system, process noise enters through inputs of its own, or the initial
-        state of equations is drawn. No estimator need reach it in a narrow band, and a biased one may pass
-        it.
+        knows it; with process noise its levels are unknown, too. Where the initial state of a linear system
+        is drawn, it is the root mean square of the bounds from the first 100 replicates' states. It is nan
+        where the noise or the records are the user's, the structure does not hold the system, process noise
+        enters through inputs of its own, or the initial state of equations is drawn. No estimator need reach
+        it in a narrow band, and a biased one may pass it.
         """
         plan = self._plan
         array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)
@@ -136,8 +139,8 @@ class Figures(Elsewhere):
                 key = (g.index, c.structures[g.index], c.trend(g), c.initial_state)
                 if key not in known:
                     try:
-                        known[key] = _bound(g, c, rec, plan.sigma(g))
-                    except (SpecError, DataError):
+                        known[key] = _bound(g, c, rec, plan.sigma(g), plan.seed)
+                    except (SpecError, DataError, Failed):
                         known[key] = np.full((len(c.names(g)), 1), np.nan)
                 array[g.index, :, k, plan.columns(c, g)] = known[key]
         bound: F64 = _shaped(array, [a for a in plan.axes if a.given])
@@ -272,52 +275,57 @@ class Figures(Elsewhere):
         }
 
 
-def _bound(group: Group, contender: Contender, rec: Record, levels: F64) -> F64:
+def _bound(group: Group, contender: Contender, rec: Record, levels: F64, seed: int) -> F64:
     """Cramér–Rao bound at each noise level, (parameter, level)."""
     structure = contender.structures[group.index]
     system: Any = group.system
     given: dict[str, Any] = {"trend": contender.trend(group), "initial_state": contender.initial_state}
     names = group.names(structure)
+    starts: list[F64 | None] = []
     if isinstance(system, LTI) and isinstance(group.process_noise, ProcessNoise):
         raise SpecError("crlb: the study's system is without the inputs through which noise enters")
+    if isinstance(system, LTI):
+        drawn = group.state is not None or len(group.free)
+        states = [group.begin(seed, r) for r in range(DRAWN)] if drawn else [group.start]
     if isinstance(system, LTI) and isinstance(structure, StateSpace):
         system = structure
         given["params"] = dict(zip(names, contender.truth[group.index].tolist(), strict=True))
-        given["start"] = group.start if group.start.any() else None
+        starts = [state if state.any() else None for state in states]
     elif isinstance(system, LTI):
         if isinstance(structure, Written):
             raise SpecError(
                 "crlb: for a linear system the bound is that of a TransferFunction's coefficients"
             )
         given["model"] = structure
-        given["start"] = _response_and_slopes(group, structure)
+        starts = [_response_and_slopes(group, structure, state) for state in states]
     elif structure != system.structure or group.drawn or group.state is not None:
         raise SpecError("crlb: the structure is not that of the system, or its initial state is drawn")
     else:
-        given["start"] = group.rest.start
+        starts = [group.rest.start]
 
-    def bound(sigma: F64) -> list[float]:
-        found = crlb(system, rec, sigma=sigma, **given)
-        return [found[name] for name in names]
+    def bound(sigma: F64) -> F64:
+        each = [crlb(system, rec, sigma=sigma, start=start, **given) for start in starts]
+        squares = [[found[name] ** 2 for name in names] for found in each]
+        return np.asarray(np.sqrt(np.mean(squares, axis=0)))
 
     if group.driven is None and not priors_of(structure):  # the bound grows with the noise
-        return np.array(bound(group.unit))[:, None] * levels
+        return bound(group.unit)[:, None] * levels
     if group.driven is not None:
         given["process_noise"] = group.process_noise
     return np.array([bound(level * group.unit) for level in levels]).T
 
 
-def _response_and_slopes(group: Group, structure: TransferFunction) -> F64 | None:
-    """y, y', …, output after output, of the free response from the group's state; None at rest."""
+def _response_and_slopes(group: Group, structure: TransferFunction, state: F64) -> F64 | None:
+    """y, y', …, output after output, of the free response from a state; None at rest."""
     system: Any = group.system
-    if not group.start.any():
+    if not state.any():
         return None
     if system.matrices is None:
-        return group.start
+        return state
     a, _, c, _ = system.matrices
     orders = structure.layout(group.outputs, group.inputs).orders
     each = zip(c, orders, strict=True)
-    return np.array([row @ np.linalg.matrix_power(a, k) @ group.start for row, n in each for k in range(n)])
+    return np.array([row @ np.linalg.matrix_power(a, k) @ state for row, n in each for k in range(n)])
 
 
 def _shaped(array: NDArray[Any], given: Sequence[Axis]) -> Any:

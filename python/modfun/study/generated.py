@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.callables import source
+from ..base.words import STATUS
 from ..errors import ModfunWarning, SpecError
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
@@ -22,7 +23,15 @@ from .functions import Failed, attempt, generator, record, refuse_unlike
 __all__ = ["Generated", "cells", "grid_axes"]
 
 TRIES = 10  # replicates looked at for a first record, where the generator fails now and then
-RESERVED = ("estimator", "parameter", "replicate", "number")
+# What tables and exports of a study call their own columns.
+FIGURES = ("bias", "sd", "rmse", "median", "coverage", "crlb", "mean", "share")
+RESERVED = (
+    *("estimator", "parameter", "replicate", "number", "metric", "true", "truth", "failures", "nit"),
+    *FIGURES,
+    *[f"{name}_mcse" for name in FIGURES],
+    *[f"status_{word}" for word in STATUS],
+    *STATUS,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +101,8 @@ def grid_axes(grid: Any) -> tuple[Axis, ...]:
     for name, labels in grid.items():
         if not isinstance(name, str) or not name.strip() or name in RESERVED:
             raise SpecError(
-                f"MonteCarlo: grid has the name {name!r}; names of an axis are texts other than "
-                f"{', '.join(RESERVED)}"
+                f"MonteCarlo: grid has an axis named {name!r}; give another text: a column of the tables "
+                "has that name"
             )
         if isinstance(labels, str) or not isinstance(labels, Sequence | np.ndarray) or not len(labels):
             raise SpecError(

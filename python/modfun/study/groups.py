@@ -134,17 +134,21 @@ class Group:
             intersample=list(self.intersample),
         )
 
-    def clean(self, seed: int, replicate: int) -> F64:
-        """Outputs of a replicate without noise, from its initial state; `Failed` as `records`."""
+    def begin(self, seed: int, replicate: int) -> F64:
+        """State at t = 0 of a replicate; `Failed` as `records`."""
         if self.state is not None:
             rng = generator("initial_state", seed, replicate, self.index)
             drawn = attempt("initial_state", self.state, rng)
-            shape = self.rest.state_rms.shape
-            start = series(drawn, "initial_state", shape, "the states at t = 0")
-            return np.asarray(attempt("response", self.rest.response, start))
-        if self.drawn:
+            return series(drawn, "initial_state", self.rest.state_rms.shape, "the states at t = 0")
+        if self.drawn or len(self.free):
             z = normals(seed, "initial_state", 0, replicate, self.index, self.rest.state_rms.size)
-            return np.asarray(attempt("response", self.rest.response, z * self.rest.state_rms))
+            return np.asarray(z * self.rest.state_rms)
+        return self.start
+
+    def clean(self, seed: int, replicate: int) -> F64:
+        """Outputs of a replicate without noise, from its initial state; `Failed` as `records`."""
+        if self.state is not None or self.drawn:
+            return np.asarray(attempt("response", self.rest.response, self.begin(seed, replicate)))
         if len(self.free):
             z = normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
             return np.asarray(self.y + np.tensordot(z, self.free, 1))

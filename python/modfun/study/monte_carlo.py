@@ -197,7 +197,7 @@ class MonteCarlo:
         found: tuple[Group | Generated, ...]
         if generate is not None:
             _refuse(simulated, "generate= makes the records, so that {} cannot be given beside it")
-            axes = (*grid_axes(grid), levels(0.0))
+            axes = (*grid_axes(grid), Axis("", (0.0,), False))  # no level that anyone could name
             found, firsts = cells(axes[:-1], generate, truth, seed)
         else:
             _refuse(own, "{} belongs to generate=, a function that makes the records")

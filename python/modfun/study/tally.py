@@ -164,4 +164,5 @@ def united(one: tuple[I64, I64], two: tuple[I64, I64]) -> tuple[I64, I64]:
 def share_mcse(share: F64, of: NDArray[np.int64]) -> F64:
     """Standard error of a share; half a case is added on both sides, so that it is not 0 at 0 and at 1."""
     middle = (share * of + 0.5) / (of + 1.0)
-    return np.asarray(np.sqrt(middle * (1 - middle) / of), dtype=np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):  # of no case
+        return np.asarray(np.sqrt(middle * (1 - middle) / of), dtype=np.float64)

@@ -1,5 +1,6 @@
 //! What stands at the end of a fit: transient, cost and covariances, by the straight path or the general one; statuses.
 
+use super::band::CLOSE;
 use super::design::Design;
 use super::outcome::{lost_lanes, statuses};
 use super::spectral::Finish;
@@ -31,5 +32,6 @@ pub(super) fn status(d: &Design, w: &Workspace, with_covariance: bool) -> [Statu
     let covariances = with_covariance.then(|| w.covariances.judged());
     let lost = lost_lanes(w.dependent, covariances, theta.len());
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    statuses(theta, |k| d.scale[k], &w.progress, lost, data)
+    // Where noise is strong, last steps shrink slowly: what is left to go is far below any standard error.
+    statuses(CLOSE, theta, |k| d.scale[k], &w.progress, lost, data)
 }

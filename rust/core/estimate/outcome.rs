@@ -1,6 +1,6 @@
 //! How replicates ended: a status for each lane.
 
-use super::band::{CLOSE, SAME};
+use super::band::SAME;
 use super::iterates::Progress;
 use crate::error::Status;
 use crate::simd::{LANES, Wide};
@@ -40,16 +40,17 @@ impl End {
 }
 
 /// Statuses of all lanes. `theta` in the workspace's units, `scale` those of the user; `data` are the
-/// coefficients; `dependent` says in which lanes columns were found dependent.
+/// coefficients; `dependent` says in which lanes columns were found dependent. A lane that ran out of steps is settled
+/// if its last one was no longer than `close`.
 pub(crate) fn statuses<'a, D: Iterator<Item = &'a Wide>>(
+    close: f64,
     theta: &[Wide],
     scale: impl Fn(usize) -> f64,
     progress: &Progress,
     dependent: [bool; LANES],
     data: impl Fn() -> D,
 ) -> [Status; LANES] {
-    // Where noise is strong, last steps shrink slowly: what is left to go is far below any standard error.
-    let near = |k: usize| progress.moved.0[k] <= CLOSE * CLOSE;
+    let near = |k: usize| progress.moved.0[k] <= close * close;
     let still = |k: usize| progress.active.0[k] > 0.0 && !near(k);
     let steady = |k: usize| if still(k) { Status::MaxIter } else { Status::Ok };
     // What nearly always holds is asked of all lanes at once.

@@ -1,5 +1,7 @@
 """The default band beyond eight samples per period: taken where errors fall, else refused."""
 
+from contextlib import nullcontext
+
 import modfun as mf
 import numpy as np
 import pytest
@@ -45,7 +47,11 @@ def test_a_fast_light_mode_has_the_errors_of_all_lines(period):
     A batch takes out in two rounds what sampling folds, a single fit in as many as it takes.
     """
     rec, truth = light(1, period)
-    fit, wide, before = mf.fit(rec, TF20), *(mf.fit(rec, TF20, band=e) for e in (0.9 * np.pi, np.pi / 4))
+    fit, wide = mf.fit(rec, TF20), mf.fit(rec, TF20, band=0.9 * np.pi)
+    # At 4.5 samples a period the mode lies beyond this band, which the fit says.
+    said = pytest.warns(mf.ModfunWarning, match="is uncertain") if period == 4.5 else nullcontext()
+    with said:
+        before = mf.fit(rec, TF20, band=np.pi / 4)
     assert fit.band_rule["k_max"] == 248
     assert fit.lines[0][1] == fit.band_rule["k"] < 248
     assert np.all(fit.bse < 1.05 * np.asarray(wide.bse))

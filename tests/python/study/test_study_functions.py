@@ -381,7 +381,7 @@ def _quadratic(cell: Any, rng: Any) -> mf.Record:
         (lambda: generated(grid={"df": []}), mf.SpecError, "at least one"),
         (lambda: generated(grid={"df": [3, 3]}), mf.SpecError, "each label once"),
         (lambda: generated(grid={"df": "abc"}), mf.SpecError, "list of at least one"),
-        (lambda: generated(grid={"estimator": [3]}), mf.SpecError, "other than"),
+        (lambda: generated(grid={"estimator": [3]}), mf.SpecError, "has that name"),
         (lambda: generated(grid=[3]), mf.SpecError, "dict from names"),
         (lambda: generated(grid={"df": [[3]]}), mf.SpecError, "numbers or texts"),
         (lambda: generated(truth={"a1": "x"}), mf.SpecError, "parameter names to numbers"),

@@ -130,7 +130,7 @@ fn status(d: &JointDesign, w: &JointWorkspace, with_covariance: bool) -> [Status
     let covariances = with_covariance.then(|| w.covariances.judged());
     let lost = lost_lanes(w.dependent, covariances, theta.len());
     let data = || w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
-    statuses(theta, |k| d.parameter_scale(k), &w.progress, lost, data)
+    statuses(0.0, theta, |k| d.parameter_scale(k), &w.progress, lost, data)
 }
 
 /// How far a call of the vector code came.

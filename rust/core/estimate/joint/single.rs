@@ -404,7 +404,7 @@ impl<'d> Single<'d> {
         let data = || self.w.records.iter().flat_map(|r| r.re.iter().chain(&r.im));
         let scale = |k: usize| self.d.parameter_scale(k);
         let (theta, progress) = (&self.w.iterates.theta.now, &self.w.progress);
-        let all = statuses(theta, scale, progress, [self.dependent; LANES], data);
+        let all = statuses(0.0, theta, scale, progress, [self.dependent; LANES], data);
         // Numbers of any line spoil the one estimate.
         if all.contains(&Status::NonFinite) { Status::NonFinite } else { all[0] }
     }
