@@ -13,6 +13,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.cached import kept
+from ..base.units import angle_of
 from ..equations.equation import Equation
 from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
@@ -37,7 +38,8 @@ STEPS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 0.1, 10.0, 1e-3, 1e3)  # what a wrong ti
 NEAR = 0.03  # relative, the same of a unit
 MOST = 2  # channels that are in another unit at once
 # What a factor of a channel is, as size and words.
-UNITS = (
+Unit = tuple[float, str]
+UNITS: tuple[Unit, ...] = (
     (DEGREES, "in degrees and not in radians"),
     (1 / DEGREES, "in radians and not in degrees"),
     (1 / GRAVITY, "in g and not in m/s²"),
@@ -48,6 +50,7 @@ UNITS = (
     (0.5144, "in m/s and not in knots"),
 )
 OF_FORCES = UNITS[2:6]  # what accelerations may be in
+OF_ANGLES = UNITS[:2]  # the same of channels whose unit is an angle, or one of rates of turn
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,11 @@ def contradicted_numbers(fit: Estimates) -> Doubt | None:
     All numbers are estimated in one fit more; a channel whose scale explains their estimates has that scale.
     """
     made, model = _read(fit), fit.structure
-    return _of_scales(made[0], angles_of(model), forces_of(model)) or _of_one(fit, *made) if made else None
+    if not made:
+        return None
+    turns = [name for name, unit in (fit.records[0].units if fit.records else {}).items() if angle_of(unit)]
+    units = dict.fromkeys(turns, OF_ANGLES) | dict.fromkeys(forces_of(model), OF_FORCES)
+    return _of_scales(made[0], angles_of(model), units) or _of_one(fit, *made)
 
 
 @kept
@@ -134,14 +141,20 @@ def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
     ], cure
 
 
-def _of_scales(numbers: Sequence[Number], angles: Sequence[str], forces: Sequence[str]) -> Doubt | None:
-    """That some channels have another scale, by which all numbers are explained."""
+def _of_scales(
+    numbers: Sequence[Number], angles: Sequence[str], units: Mapping[str, Sequence[Unit]]
+) -> Doubt | None:
+    """That some channels have another scale, by which all numbers are explained.
+
+    `units`: what channels may be in of which something is known, accelerations and declared angles.
+    """
+    forces = [name for name, own in units.items() if own is OF_FORCES]
     channels = list(dict.fromkeys(name for number in numbers for name in number.powers))
-    degrees, units = dict.fromkeys(angles, DEGREES), dict.fromkeys(forces, OF_FORCES)
+    degrees = dict.fromkeys(angles, DEGREES)
     rests = [replace(number, held=number.held * _size(number, degrees)) for number in numbers]
     none: dict[str, float] = {}
     tries: list[Any] = [(none, combinations(channels, count), numbers) for count in range(1, MOST + 1)]
-    more = [one for one in combinations(channels, MOST + 1) if not units.keys().isdisjoint(one)]
+    more = [one for one in combinations(channels, MOST + 1) if not set(forces).isdisjoint(one)]
     all_angles = [(degrees, combinations(forces, count), rests) for count in (0, 1)] if forces else []
     for given, combined, seen in [*tries, *all_angles, (none, more, numbers)]:
         found = [

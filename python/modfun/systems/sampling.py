@@ -36,13 +36,14 @@ def c2d(system: Any, dt: float, method: str = "zoh") -> Any:
     -------
     scipy.signal.dlti
         With one input and one output the class of `system`, transfer function or state space; else a state
-        space. Each sample of delay is a pole at 0; in a state space it is a state, behind those of `system`.
+        space. Each sample of delay that was begun is a pole at 0; in a state space it is a state, behind
+        those of `system`.
 
     Raises
     ------
     SpecError
-        Something else than a continuous-time system, a delay that is no whole number of samples or differs
-        from output to output, or an unknown method.
+        Something else than a continuous-time system, a delay that differs from output to output or, unless
+        the input is held, is no whole number of samples, or an unknown method.
 
     See Also
     --------
@@ -69,51 +70,113 @@ def c2d(system: Any, dt: float, method: str = "zoh") -> Any:
     if method not in METHODS:
         raise SpecError(f"c2d: method={method!r} is not available; {nearest(method, list(METHODS))}")
     step = _step("c2d", dt)
-    late = _samples(system.input_delays("c2d"), step)
+    delays = system.input_delays("c2d")
+    late, rests = _samples(delays, step)
+    if any(rests) and method != "zoh":
+        delay = delays[np.argmax(rests)]
+        raise SpecError(
+            f"c2d: the delay of {delay:g} s is {delay / step:.6g} samples of {step:g} s, not a whole number; "
+            f'take method="zoh", a dt that divides it, as {delay / max(round(delay / step), 1):.6g}, or a '
+            "Padé form, mf.ss(system.to_control(pade=3))"
+        )
     plain = system.without_delays().to_scipy()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BadCoefficients)  # numerators that begin with a zero
+        if any(rests):
+            return _held_late(plain, late, rests, step)
         return _delayed(plain.to_discrete(step, method=METHODS[method]), late)
 
 
-def _samples(delays: tuple[float, ...], dt: float) -> list[int]:
-    """Delays of the inputs in samples."""
-    found = [round(delay / dt) for delay in delays]
-    for delay, samples in zip(delays, found, strict=True):
-        if abs(delay - samples * dt) > WHOLE * max(delay, dt):
-            raise SpecError(
-                f"c2d: the delay of {delay:g} s is {delay / dt:.6g} samples of {dt:g} s, not a whole number; "
-                f"take a dt that divides it, as {delay / max(samples, 1):.6g}, or a Padé form, "
-                "mf.ss(system.to_control(pade=3))"
-            )
-    return found
+def _samples(delays: tuple[float, ...], dt: float) -> tuple[list[int], list[float]]:
+    """Delays of the inputs in whole samples, and what is left of them in s."""
+    late, rests = [], []
+    for delay in delays:
+        whole = abs(delay - round(delay / dt) * dt) <= WHOLE * max(delay, dt)
+        late.append(round(delay / dt) if whole else int(delay // dt))
+        rests.append(0.0 if whole else delay - late[-1] * dt)
+    return late, rests
 
 
 def _delayed(system: Any, late: list[int]) -> Any:
     """A sampled system whose inputs are late by so many samples."""
-    from scipy.signal import StateSpace, TransferFunction
+    from scipy.signal import TransferFunction
 
     if not any(late):
         return system
     if isinstance(system, TransferFunction):
         return TransferFunction(system.num, np.append(system.den, np.zeros(late[0])), dt=system.dt)
-    n, size, at = len(system.A), len(system.A) + sum(late), len(system.A)
-    a, b, c, d = (
-        np.zeros((size, size)),
-        np.zeros((size, len(late))),
-        np.zeros((len(system.C), size)),
-        system.D.copy(),
-    )
-    a[:n, :n], b[:n], c[:, :n] = system.A, system.B, system.C
-    for k, count in enumerate(late):
-        if not count:
-            continue
-        # Each state of this row is the sample before it; the last one acts.
-        b[:, k], d[:, k], b[at, k] = 0.0, 0.0, 1.0
-        a[range(at + 1, at + count), range(at, at + count - 1)] = 1.0
+    nothing = np.zeros_like(system.B), np.zeros_like(system.D)
+    return _registers(system.A, system.C, (system.B, system.D), nothing, late, late, system.dt)
+
+
+def _held_late(plain: Any, late: list[int], rests: list[float], dt: float) -> Any:
+    """A system whose held inputs are late by samples and a rest: each sample acts in two intervals.
+
+    K. J. Åström, B. Wittenmark, Computer-Controlled Systems, 3rd ed., 1997, section 2.3.
+    """
+    from scipy.signal import TransferFunction, ss2tf
+
+    system = plain.to_ss()
+    now, before = np.zeros_like(system.B), np.zeros_like(system.B)
+    direct, direct_before = system.D.copy(), np.zeros_like(system.D)
+    phi = _over(system.A, system.B, dt)[0]
+    for k, rest in enumerate(rests):
+        through, own = _over(system.A, system.B[:, [k]], dt - rest)
+        now[:, [k]] = own
+        if rest:
+            before[:, [k]] = through @ _over(system.A, system.B[:, [k]], rest)[1]
+            direct[:, k], direct_before[:, k] = 0.0, system.D[:, k]
+    if isinstance(plain, TransferFunction):
+        first, den = ss2tf(phi, now, system.C, direct)
+        second, _ = ss2tf(phi, before, system.C, direct_before)
+        num = np.append(first[0], 0.0) + np.append(0.0, second[0])
+        return TransferFunction(np.trim_zeros(num, "f"), np.append(den, np.zeros(late[0] + 1)), dt=dt)
+    counts = [own + (rest > 0) for own, rest in zip(late, rests, strict=True)]
+    return _registers(phi, system.C, (now, direct), (before, direct_before), late, counts, dt)
+
+
+def _over(a: F64, b: F64, dt: float) -> tuple[F64, F64]:
+    """What states become after a while, and what a held input adds to them."""
+    from scipy.linalg import expm
+
+    n, inputs = b.shape
+    whole = expm(np.block([[a, b], [np.zeros((inputs, n + inputs))]]) * dt)
+    return whole[:n, :n], whole[:n, n:]
+
+
+def _registers(
+    phi: F64,
+    out: F64,
+    now: tuple[F64, F64],
+    before: tuple[F64, F64],
+    late: list[int],
+    counts: list[int],
+    dt: float,
+) -> Any:
+    """A state space with a state for each sample of delay.
+
+    `now`: how the sample that is `late` acts on states and outputs; `before`: the same of the one before it,
+    where the register of an input is longer by one (`counts`).
+    """
+    from scipy.signal import StateSpace
+
+    n, size, at = len(phi), len(phi) + sum(counts), len(phi)
+    a, c = np.zeros((size, size)), np.zeros((len(out), size))
+    b, d = np.zeros((size, len(late))), np.zeros_like(now[1])
+    a[:n, :n], c[:, :n] = phi, out
+    for k, (samples, count) in enumerate(zip(late, counts, strict=True)):
+        # Each state of this row is the sample before it.
+        if count:
+            b[at, k] = 1.0
+            a[range(at + 1, at + count), range(at, at + count - 1)] = 1.0
+        if samples:
+            a[:n, at + samples - 1], c[:, at + samples - 1] = now[0][:, k], now[1][:, k]
+        else:
+            b[:n, k], d[:, k] = now[0][:, k], now[1][:, k]
+        if count > samples:
+            a[:n, at + samples], c[:, at + samples] = before[0][:, k], before[1][:, k]
         at += count
-        a[:n, at - 1], c[:, at - 1] = system.B[:, k], system.D[:, k]
-    return StateSpace(a, b, c, d, dt=system.dt)
+    return StateSpace(a, b, c, d, dt=dt)
 
 
 @public

@@ -5,6 +5,7 @@ import warnings
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.results.held_numbers import OF_ANGLES, Number, _of_scales
 from scipy.signal import cont2discrete
 
 PITCH = (np.array([[-1.2, 1], [-9, -1.8]]), np.array([[-0.1], [-12]]))
@@ -150,3 +151,12 @@ def test_an_input_that_an_equation_lacks_is_named():
     rec = flown((a, np.hstack([b, [[0.0], [4.0]]])), ("alpha", "q"), ("de", "dc"), 1)
     text = warned(rec, WRITTEN)[1]
     assert "Input 'dc' is in the record and not in the model" in text
+
+
+def test_a_rate_of_turn_is_in_no_knots():
+    """A step read twice too long was named so, and the advice left derivatives at a quarter in silence."""
+    numbers = [Number("the number 1 beside q in the equation of alpha", 1.0, {"q": 1}, 1.94, 0.01)]
+    knots = _of_scales(numbers, (), {})
+    assert knots is not None
+    assert "in knots and not in m/s" in knots.text
+    assert _of_scales(numbers, (), {"q": OF_ANGLES}) is None

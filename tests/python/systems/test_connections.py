@@ -153,6 +153,31 @@ def test_a_sampled_system_responds_as_the_late_one_does():
     np.testing.assert_allclose(found.T, want, atol=1e-12)
 
 
+@pytest.mark.parametrize("delay", [0.04, 0.2, 0.2432, 0.0])
+@pytest.mark.parametrize(
+    ("num", "den"), [([5], [1, 3, 8]), ([1, 2], [1, 1]), ([2], [1, 0]), ([1], [10, 1])], ids=str
+)
+@pytest.mark.parametrize("form", ["transfer function", "state space"])
+def test_delays_between_samples_are_sampled_exactly(num, den, delay, form):
+    """As a held input makes the response at the samples; a dead time is seldom a whole number of them."""
+    system = mf.tf(num, den, delay=delay)
+    system = system if form == "transfer function" else system.to_ss()
+    u = np.random.default_rng(0).standard_normal(60)
+    want = system.simulate(u=u, dt=0.1, intersample="zoh")
+    sampled = mf.c2d(system, 0.1)
+    assert hasattr(sampled, "num") == (form == "transfer function")
+    np.testing.assert_allclose(signal.dlsim(sampled, u)[1].T, np.atleast_2d(want), atol=1e-11)
+
+
+def test_several_inputs_have_delays_of_their_own_between_samples():
+    system = mf.tf([[[5], [1, 2]], [[1], [3]]], [1, 3, 8], delay=[0.37, 0.1])
+    u = np.random.default_rng(0).standard_normal((2, 60))
+    sampled = mf.c2d(system, 0.1)
+    found = signal.dlsim(sampled, u.T)[1]
+    np.testing.assert_allclose(found.T, system.simulate(u=u, dt=0.1, intersample="zoh"), atol=1e-11)
+    assert len(sampled.A) == len(system.to_ss().without_delays().matrices[0]) + 4 + 1
+
+
 def _gain(sampled, z):
     if hasattr(sampled, "num"):
         return np.array([[np.polyval(sampled.num, z) / np.polyval(sampled.den, z)]])
@@ -162,7 +187,10 @@ def _gain(sampled, z):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: mf.c2d(H, 0.15), r"delay of 0\.2 s is 1\.33333 samples of 0\.15 s.* as 0\.2, or"),
+        (
+            lambda: mf.c2d(H, 0.15, "foh"),
+            r"delay of 0\.2 s is 1\.33333 samples of 0\.15 s.*\"zoh\", .* as 0\.2, or",
+        ),
         (lambda: mf.c2d(G, 0.1, "zho"), "method='zho' .* did you mean 'zoh'"),
         (lambda: mf.c2d(G, -1), "dt=-1; give the sampling interval"),
         (lambda: mf.c2d("G", 1), "give a linear system .* not 'str'"),
