@@ -261,7 +261,13 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         settled = drift is not None and drift.level_p > UNLIKELY > SURE > level_p(fit)
         return [(Doubt(_words(fit, one, y, chance), settled), one.bic)] if spoken or settled else []
     if one.what != "response":
-        return [(Doubt(_words(fit, one, y, chance), sure), one.bic)]
+        text = _words(fit, one, y, chance)
+        if one.what in ("power", "change", "drift") and level_p(fit) < SURE and origin(fit) == "process":
+            text += (
+                " Noise that drives the system, such as turbulence, makes a light mode look like this, too: "
+                'compare noise="process".'
+            )
+        return [(Doubt(text, sure), one.bic)]
     cure = best_cure(fit, one.output, one.channel)
     text = f"The residuals of {y} follow {one.channel} ({chance}): part of the response is missing."
     if cure is None:

@@ -5,6 +5,8 @@ import warnings
 import modfun as mf
 import numpy as np
 import pytest
+from scipy.linalg import expm
+from scipy.signal import lfilter
 
 STEP = 0.05
 
@@ -52,3 +54,26 @@ def test_a_superfluous_pole_is_no_loop():
         assert not any("loop feeds" in str(one.message) for one in said)
         assert "loop feeds" not in str(fit.check())
     assert unstable >= 3
+
+
+def test_a_light_mode_in_turbulence_is_not_called_nonlinear_alone():
+    """Nonlinear, drifting or changing was the one cause that was named; it is linear, and gusts move it."""
+    rng, dt, fine = np.random.default_rng(5), 0.5, 50
+    t = np.arange(0.0, 150.0, dt / fine)
+    u = ((t > 2) & (t < 8)) * 1.0
+    gust = lfilter([1.0], [1.0, -np.exp(-dt / fine / 0.5)], rng.standard_normal(t.size))
+    state, rows = np.zeros(2), []
+    step = expm(np.array([[0, 1, 0], [-0.0256, -0.016, 1], [0, 0, 0]]) * dt / fine)
+    for force in u + 2.0 * gust / gust.std():
+        rows.append(state[0])
+        state = step[:2, :2] @ state + step[:2, 2] * force
+    y = np.array(rows)[::fine]
+    rec = mf.Record(
+        y=y + 0.002 * y.std() * rng.standard_normal(y.size), u=u[::fine], dt=dt, intersample="zoh"
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))
+    (text,) = [str(one.message) for one in caught]
+    assert "follow powers of the simulated y" in text
+    assert text.endswith('compare noise="process".')
