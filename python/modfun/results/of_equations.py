@@ -27,6 +27,7 @@ from .prediction import InitialState
 __all__ = ["EquationFit"]
 
 
+FEWEST, PER_ORDER = 21, 4  # samples in which the core sees a noise level: these, and more an order
 CLEAR = 5.0  # standard deviations of noise: what is as far from 0 has a logarithm that is worth something
 HUGE = 1e50  # samples whose powers may overflow
 
@@ -151,12 +152,18 @@ class EquationFit(Fit):
             edges = np.concatenate([[-1], np.flatnonzero(~(values > least)), [values.size]])
             longest = int(np.argmax(np.diff(edges)))
             start, stop = rec.t[edges[longest] + 1], rec.t[edges[longest + 1] - 1]
-            first = int(bad[0])
+            first, left = int(bad[0]), int(np.diff(edges)[longest]) - 1
+            given = ""
+            if left < FEWEST + PER_ORDER * max(self.layout.orders):  # too few to see a noise level in
+                levels = noise_level(np.ascontiguousarray(rec.y), max(self.layout.orders))
+                told = ", ".join(f"{level:.3g}" for level in levels)
+                told = f"[{told}]" if len(levels) > 1 else told
+                given = f", and give its noise, noise=mf.Noise(y={told})"
             return (
                 f"{said(whole)} has no value at {bad.size} of {values.size} samples of record {k}, first at "
                 f"t = {rec.t[first]:.4g} s, where {said(inner)} is {values[first]:.3g}: cut the record to "
                 f"where {said(inner)} stays above {least:.3g}{clear}, such as "
-                f"rec.window({start:.4g}, {stop:.4g})."
+                f"rec.window({start:.4g}, {stop:.4g}){given}."
             )
         return ""
 

@@ -67,3 +67,21 @@ def test_a_logarithm_of_negative_samples_names_channel_time_and_window():
     assert "beta=nan" in repr(fit)
     cured = mf.fit(rec.window(t[4], 80), model)
     assert np.all(np.abs(cured.params - true) < 4 * cured.bse)
+
+
+def test_a_window_too_short_for_a_noise_level_comes_with_one():
+    """The window that was advised was refused: 20 of 43 half-days show no noise level."""
+    t = np.linspace(0, 21, 43)
+
+    def rates(t, x):
+        return [-1.7 * x[0] * x[1] / 763, 1.7 * x[0] * x[1] / 763 - 0.45 * x[1]]
+
+    infected = solve_ivp(rates, (0, 21), [760.0, 3.0], t_eval=t, rtol=1e-9).y[1]
+    rec = mf.Record(y=infected + 10 * np.random.default_rng(0).standard_normal(t.size), t=t, outputs="I")
+    model = mf.Equation(["S' = -beta*S*I/763", "I' = beta*S*I/763 - gamma*I"], outputs="I", hidden="S")
+    with pytest.warns(mf.ModfunWarning, match=r"rec\.window\(2\.5, 12\), and give its noise"):
+        fit = mf.fit(rec, model)
+    level = float(fit.message.split("mf.Noise(y=")[1].rstrip(")."))
+    assert level == pytest.approx(10.0, rel=0.4)
+    cured = mf.fit(rec.window(2.5, 12), model, noise=mf.Noise(y=level))
+    assert np.all(np.abs(cured.params - [1.7, 0.45]) < 3 * cured.bse)
