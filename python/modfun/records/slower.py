@@ -14,6 +14,7 @@ from .samples import Samples
 
 __all__ = ["drawn", "held", "ordinal", "slow_samples"]
 
+LEVELS, STAYS = 3, 3  # values of a command, at most; samples that it stays at one, at least
 CHUNK = 4096  # samples that are looked at together: of most records, the first few tell
 SLOWEST = 50  # samples, at most, from one measured value to the next
 PART = 0.5  # of the samples on a grid that show a change or an angle, at least; of those off it that count
@@ -75,7 +76,13 @@ def _whole(good: Mask, order: int) -> Mask:
 
 
 def slow_samples(record: Samples, name: str) -> Iterator[str]:
-    """Say that an output is slower than its record, unless only its own samples count."""
+    """Say that an output is slower than its record, unless only its own samples count; or that it is an input."""
+    if _commands(record, name):
+        yield (
+            f"Output {name!r} jumps between {np.unique(record[name]).size} values, as a command does, and no "
+            "input does: inputs and outputs may have been swapped. First look at which is which."
+        )
+        return
     good = None if record.mask is None else record._good(name)
     step, first = held(record[name], good)
     seen = "has a new value only every {} sample and repeats it, as a slower sensor does"
@@ -88,6 +95,20 @@ def slow_samples(record: Samples, name: str) -> Iterator[str]:
         f"Output {name!r} {seen.format(ordinal(step))}: the samples between are no measurements. "
         f"First {_cure(record, name, step, first)}."
     )
+
+
+def _commands(record: Samples, name: str) -> bool:
+    """Whether an output stands at one of few values, and changes seldom, where inputs do neither."""
+    few = [_few(record[one]) for one in (name, *record.inputs)]
+    return record.mask is None and len(few) > 1 and few[0] and not any(few[1:])
+
+
+def _few(values: F64) -> bool:
+    """Whether samples jump between few values and stay there."""
+    if np.unique(values[:CHUNK]).size > LEVELS or np.unique(values).size > LEVELS:
+        return False
+    ends = np.flatnonzero(np.diff(values))
+    return ends.size > 0 and bool(np.all(np.diff(ends, prepend=-1) >= STAYS))
 
 
 def _explained(record: Samples, name: str, step: int, first: int) -> bool:

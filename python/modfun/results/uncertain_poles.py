@@ -13,7 +13,7 @@ from .estimates import Estimates
 __all__ = ["uncertain_poles"]
 
 # Standard errors of a mode's real part, over that part: up to 0.1 95 % of the intervals of 95 % held the
-# truth, up to a quarter 89 to 92 %, and beyond 51 to 75 % (benches/uncertain_modes.py, 12 systems, 3,600 fits).
+# truth, up to a quarter 89 to 92 %, and beyond 51 to 75 % (benches/uncertain_modes.py, 3,600 fits).
 SOME, MUCH = 0.25, 0.3
 SLOW = 4.0  # over the length of a record: what decays more slowly hardly decays in it
 

@@ -171,3 +171,28 @@ def test_a_long_record_is_told_by_its_first_samples(monkeypatch: pytest.MonkeyPa
     assert max(sizes) < 5000
     assert steps(np.repeat(noise[: 2**14], 16)) == (16, 0)
     assert max(sizes) < 5000
+
+
+@pytest.mark.parametrize("command", ["random", "step"])
+def test_a_command_among_the_outputs_may_have_been_swapped(command):
+    """Swapped channels were answered with one more zero, or a delay of the step's own time."""
+    rng = np.random.default_rng(3)
+    u = np.repeat(rng.choice([-1.0, 1.0], 20), 25) if command == "random" else 10.0 * (T > 2)
+    y = np.ravel(PLANT.simulate(u=u, dt=0.05, intersample="zoh"))
+    y += 0.05 * y.std() * rng.standard_normal(500)
+    swapped = mf.Record(y=u, u=y, dt=0.05, outputs=["valve"], inputs=["level"])
+    words = "Output 'valve' jumps between 2 values, as a command does, and no input does"
+    assert words in str(swapped.check())
+    with pytest.warns(mf.ModfunWarning, match=words):
+        mf.fit(swapped, MODEL)
+    right = mf.Record(y=y, u=u, dt=0.05, outputs=["level"], inputs=["valve"])
+    assert "swapped" not in str(right.check())
+
+
+def test_two_held_channels_and_rounded_ones_are_not_swapped():
+    u = np.repeat(np.random.default_rng(3).choice([-1.0, 1.0], 20), 25)
+    assert list(slow_samples(mf.Record(y=2 * u, u=u, dt=0.05), "y")) == []
+    slow = np.round(np.sin(0.3 * T) + 0.2 * np.random.default_rng(1).standard_normal(500))
+    assert not any(
+        "swapped" in text for text in slow_samples(mf.Record(y=slow, u=np.sin(0.3 * T), dt=0.05), "y")
+    )
