@@ -76,7 +76,7 @@ def _whole(good: Mask, order: int) -> Mask:
 
 
 def slow_samples(record: Samples, name: str) -> Iterator[str]:
-    """Say that an output is slower than its record, unless only its own samples count; or that it is an input."""
+    """Say that an output is slower than its record, unless only its own samples count, or may be an input."""
     if _commands(record, name):
         yield (
             f"Output {name!r} jumps between {np.unique(record[name]).size} values, as a command does, and no "
