@@ -15,7 +15,7 @@ from itertools import pairwise
 
 import modfun as mf
 import numpy as np
-from modfun.results.uncertain_poles import SLOW
+from modfun.results.uncertain_poles import worst_mode
 
 # Numerator, denominator, input, duration in s, intervals.
 CASES = (
@@ -36,14 +36,6 @@ NOISE = (0.05, 0.15, 0.3, 0.6, 1.0)
 EDGES = (0.0, 0.1, 0.2, 0.25, 0.3, 0.4, 0.5, np.inf)
 
 
-def uncertainty(fit: mf.Fit, duration: float) -> float:
-    """Of the worst mode; 0 where all poles are real."""
-    poles, gradients = fit.pole_gradients()
-    errors = np.sqrt(np.einsum("kp,pq,kq->k", gradients.real, fit.cov_params(), gradients.real))
-    ratios = errors / np.maximum(np.abs(poles.real), SLOW / duration)
-    return float(np.max(ratios[poles.imag > 0], initial=0.0))
-
-
 def main(records: int) -> None:
     """Print the table."""
     rows = []
@@ -59,7 +51,7 @@ def main(records: int) -> None:
                 fit = mf.fit(rec, structure)
                 if fit.usable and np.all(fit.bse > 0):
                     low, high = fit.conf_int().T
-                    rows.append((uncertainty(fit, duration), np.mean((low < truth) & (truth < high))))
+                    rows.append((worst_mode(fit)[0], np.mean((low < truth) & (truth < high))))
     worst, inside = np.array(rows).T
     print("uncertainty   fits  coverage of 95 % intervals")
     for low, high in pairwise(EDGES):

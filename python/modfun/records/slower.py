@@ -99,8 +99,9 @@ def slow_samples(record: Samples, name: str) -> Iterator[str]:
 
 def _commands(record: Samples, name: str) -> bool:
     """Whether an output stands at one of few values, and changes seldom, where inputs do neither."""
-    few = [_few(record[one]) for one in (name, *record.inputs)]
-    return record.mask is None and len(few) > 1 and few[0] and not any(few[1:])
+    if record.mask is not None or not record.inputs or not _few(record[name]):
+        return False
+    return not any(_few(record[u]) for u in record.inputs)
 
 
 def _few(values: F64) -> bool:

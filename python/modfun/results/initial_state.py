@@ -212,9 +212,7 @@ def find_state(
     n, count = len(model.states), rec.t.size
     lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
     tried = []
-    if (
-        model.compiled.terms and model.compiled.is_linear
-    ):  # outputs are straight in all unknowns: one start will do, over all samples
+    if model.compiled.is_linear:  # outputs are straight in all unknowns: one start, over all samples
         search.step, rounds = 1.0, STRAIGHT
         tried = [search.refine(next(search.starts(lengths[0])), count, rounds, NEARLY)]
     if tried and np.isfinite(tried[0][1]):

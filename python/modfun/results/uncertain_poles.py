@@ -10,7 +10,7 @@ from ..base.student import root
 from .doubts import Doubt
 from .estimates import Estimates
 
-__all__ = ["uncertain_poles"]
+__all__ = ["uncertain_poles", "worst_mode"]
 
 # Standard errors of a mode's real part, over that part: up to 0.1 95 % of the intervals of 95 % held the
 # truth, up to a quarter 89 to 92 %, and beyond 51 to 75 % (benches/uncertain_modes.py, 3,600 fits).
@@ -25,16 +25,8 @@ def uncertain_poles(fit: Estimates) -> Doubt | None:
     """
     if not fit.has_poles or fit.options.method != "ml" or not fit.omega0:
         return None
-    slowest, cov = SLOW * min(fit.omega0) / (2 * pi), Estimates.cov_params(fit)
-    worst, at, error = SOME, 0j, 0.0
-    for _, output in fit.denominators():
-        poles, gradients = fit.pole_gradients(output)
-        errors = root(np.einsum("kp,pq,kq->k", gradients.real, cov, gradients.real))
-        for pole, own in zip(poles.tolist(), errors.tolist(), strict=True):
-            ratio = own / max(abs(pole.real), slowest)
-            if pole.imag > 0 and ratio > worst:  # not where it is no number
-                worst, at, error = ratio, pole, own
-    if not error:
+    worst, at, error = worst_mode(fit)
+    if not worst > SOME:
         return None
     return Doubt(
         f"The mode at {at.real:.3g} ± {at.imag:.3g}j rad/s is uncertain: the standard error of its real part "
@@ -43,3 +35,17 @@ def uncertain_poles(fit: Estimates) -> Doubt | None:
         f"or a record that moves more near {abs(at):.2g} rad/s, make them shorter.",
         sure=worst > MUCH,
     )
+
+
+def worst_mode(fit: Estimates) -> tuple[float, complex, float]:
+    """Of the most uncertain mode the ratio that tells it, its pole, and the error; 0 without a mode."""
+    slowest, cov = SLOW * min(fit.omega0) / (2 * pi), Estimates.cov_params(fit)
+    worst, at, error = 0.0, 0j, 0.0
+    for _, output in fit.denominators():
+        poles, gradients = fit.pole_gradients(output)
+        errors = root(np.einsum("kp,pq,kq->k", gradients.real, cov, gradients.real))
+        for pole, own in zip(poles.tolist(), errors.tolist(), strict=True):
+            ratio = own / max(abs(pole.real), slowest)
+            if pole.imag > 0 and ratio > worst:  # not where it is no number
+                worst, at, error = ratio, pole, own
+    return worst, at, error

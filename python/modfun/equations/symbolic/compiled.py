@@ -106,7 +106,7 @@ class Compiled:
     def is_linear(self) -> bool:
         """Whether the terms are signals and their derivatives as they are, without functions or products."""
         plain = (sympy.Symbol, sympy.Number, Delayed)
-        return all(isinstance(x.signal, plain) and x.factor is None for x in self.terms)
+        return bool(self.terms) and all(isinstance(x.signal, plain) and x.factor is None for x in self.terms)
 
     @property
     def orders(self) -> tuple[int, ...]:
