@@ -73,16 +73,13 @@ def delay_starts(
 
 def _transfer_function(layout: EquationLayout, equation: int) -> _Sought | None:
     """None where more than one output stands in the equation, or one input with two delays."""
-    from ..equations.symbolic.compiled import Delayed
-
     compiled = layout.compiled
     late: dict[str, Any] = {}
     degrees: dict[str, int] = {}
     for term in compiled.terms:
         if term.equation != equation or not term.signal.free_symbols:
             continue
-        channel, delay = term.signal.args if isinstance(term.signal, Delayed) else (term.signal, 0)
-        name = str(channel)
+        name, delay = _channel(term)
         if late.setdefault(name, delay) != delay:
             return None
         degrees[name] = max(degrees.get(name, 0), term.order)
@@ -106,6 +103,14 @@ def _transfer_function(layout: EquationLayout, equation: int) -> _Sought | None:
     )
 
 
+def _channel(term: Any) -> tuple[str, Any]:
+    """The channel of a term, and its delay."""
+    from ..equations.symbolic.compiled import Delayed
+
+    channel, delay = term.signal.args if isinstance(term.signal, Delayed) else (term.signal, 0)
+    return str(channel), delay
+
+
 def _matched(
     layout: EquationLayout, found: Sequence[tuple[int, _Sought, Any]], size: F64
 ) -> list[float] | None:
@@ -123,11 +128,9 @@ def _matched(
         expressions = [one.subs(known) for one in _coefficients(layout, equation, sought)]
         used = set().union(*(one.free_symbols for one in expressions))
         open_ = [k for k, symbol in enumerate(symbols) if symbol in used]
-        late = {own: float(fit.params[fit.param_names.index(name)]) for own, name in sought.delays.items()}
-        order = [
-            *range(len(sought.places)),
-            *(fit.param_names.index(name) for name in sought.delays.values()),
-        ]
+        own = [fit.param_names.index(name) for name in sought.delays.values()]
+        late = dict(zip(sought.delays, fit.params[own].tolist(), strict=True))
+        order = [*range(len(sought.places)), *own]
         values = _nearest(
             sympy.lambdify([[symbols[k] for k in open_]], expressions, "numpy"),
             fit.params[order],
@@ -176,13 +179,10 @@ def _coefficients(layout: EquationLayout, equation: int, sought: _Sought) -> lis
     """Coefficients and delays of an equation's transfer functions, of its parameters."""
     import sympy
 
-    from ..equations.symbolic.compiled import Delayed
-
     whole: dict[tuple[str, int], Any] = {}
     for term in layout.compiled.terms:
         if term.equation == equation and term.signal.free_symbols:
-            channel = term.signal.args[0] if isinstance(term.signal, Delayed) else term.signal
-            at = (str(channel), term.order)
+            at = (_channel(term)[0], term.order)
             whole[at] = whole.get(at, 0) + term.coefficient
     lead = whole[sought.output, layout.orders[equation]]
     found = []

@@ -15,7 +15,7 @@ from ..base.student import root
 from ..equations.layout import EquationLayout
 from ..equations.nonlinear import model_of
 from ..equations.symbolic.known import basis
-from ..errors import SpecError
+from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..records.corners import driving
 from ..records.record import Record
@@ -27,7 +27,6 @@ from .prediction import InitialState
 __all__ = ["EquationFit"]
 
 
-FEWEST, PER_ORDER = 21, 4  # samples in which the core sees a noise level: these, and more an order
 CLEAR = 5.0  # standard deviations of noise: what is as far from 0 has a logarithm that is worth something
 HUGE = 1e50  # samples whose powers may overflow
 
@@ -152,12 +151,13 @@ class EquationFit(Fit):
             edges = np.concatenate([[-1], np.flatnonzero(~(values > least)), [values.size]])
             longest = int(np.argmax(np.diff(edges)))
             start, stop = rec.t[edges[longest] + 1], rec.t[edges[longest + 1] - 1]
-            first, left = int(bad[0]), int(np.diff(edges)[longest]) - 1
-            given = ""
-            if left < FEWEST + PER_ORDER * max(self.layout.orders):  # too few to see a noise level in
-                levels = noise_level(np.ascontiguousarray(rec.y), max(self.layout.orders))
-                told = ", ".join(f"{level:.3g}" for level in levels)
-                told = f"[{told}]" if len(levels) > 1 else told
+            first, order, y = int(bad[0]), max(self.layout.orders), np.ascontiguousarray(rec.y)
+            left, given = slice(edges[longest] + 1, edges[longest + 1]), ""
+            try:
+                noise_level(np.ascontiguousarray(y[:, left]), order)
+            except DataError:  # too few to see it in
+                told = ", ".join(f"{level:.3g}" for level in noise_level(y, order))
+                told = f"[{told}]" if len(y) > 1 else told
                 given = f", and give its noise, noise=mf.Noise(y={told})"
             return (
                 f"{said(whole)} has no value at {bad.size} of {values.size} samples of record {k}, first at "
