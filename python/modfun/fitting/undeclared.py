@@ -215,9 +215,11 @@ def _asked(
         changed = {w: own for w, own in found.items() if not (held and w.name == which.name)}
         changed[which] = Word("foh" if held else OTHER[word], BY_FIT)
         others = _on_bands(each, fits, changed, structure, fit_once)
+        gain = _gain(fits, others)
+        if motion and gain <= POSITIVE and not (gain > -STRONG and _apart(fits, others)):
+            continue  # as most do; whether the others are refuted takes simulations
         if motion and not all(other is not None and other.success and not refuted(other) for other in others):
             continue  # of two wrong models: half a sample of delay makes up for many a lag
-        gain = _gain(fits, others)
         if motion and not late and POSITIVE < gain <= bar and all(map(_fed_back, fits)):
             bar = POSITIVE
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone

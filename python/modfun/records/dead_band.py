@@ -86,7 +86,10 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
 
     Zeros beside jumps, or the last value again in a channel that is too fine to repeat one; None without.
     """
-    same = (values[1:] == values[:-1]) & good[1:] & good[:-1]
+    same = values[1:] == values[:-1]
+    if not same.any():
+        return None
+    same &= good[1:] & good[:-1]
     if not same.any() or same.mean() > MANY:
         return None
     starts, lengths = runs(same)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import gcd
 
 import numpy as np
@@ -15,7 +16,7 @@ from .samples import Samples
 __all__ = ["drawn", "held", "ordinal", "slow_samples"]
 
 LEVELS, STAYS = 3, 3  # values of a command, at most; samples that it stays at one, at least
-CHUNK = 4096  # samples that are looked at together: of most records, the first few tell
+FIRST, CHUNK = 32, 4096  # samples that are looked at together: of most records, the first few tell
 SLOWEST = 50  # samples, at most, from one measured value to the next
 PART = 0.5  # of the samples on a grid that show a change or an angle, at least; of those off it that count
 LEAST, CHANCE = 10, 1e-6  # changes, at least, and how likely others would all be on one grid
@@ -42,8 +43,8 @@ def _grid(values: F64, good: Mask | None, order: int) -> tuple[int, int]:
     least = SAME * float(values.max() - values.min())
     step = count = 0
     first = -1
-    for begin in range(0, values.size - order, CHUNK):
-        window = slice(begin, begin + CHUNK + order)
+    for begin, end in pairwise((0, *range(FIRST, values.size - order, CHUNK), values.size - order)):
+        window = slice(begin, end + order)
         moved = np.abs(np.diff(values[window], order)) > least
         if good is not None:
             moved &= _whole(good[window], order)
@@ -106,7 +107,7 @@ def _commands(record: Samples, name: str) -> bool:
 
 def _few(values: F64) -> bool:
     """Whether samples jump between few values and stay there."""
-    if np.unique(values[:CHUNK]).size > LEVELS or np.unique(values).size > LEVELS:
+    if len({*values[:FIRST].tolist()}) > LEVELS or np.unique(values).size > LEVELS:
         return False
     ends = np.flatnonzero(np.diff(values))
     return ends.size > 0 and bool(np.all(np.diff(ends, prepend=-1) >= STAYS))

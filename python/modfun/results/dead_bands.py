@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from ..records.check import dropped_samples, frozen_samples
@@ -14,6 +16,8 @@ from .doubts import SURE, Doubt
 from .estimates import Estimates
 
 __all__ = ["stands_still", "stored_late"]
+
+Look = Callable[[Record, str], Iterator[str]]
 
 MOVED = 1.0  # standard errors: what a dead band may do to an estimate unsaid
 
@@ -69,9 +73,16 @@ def _curved(rec: Record) -> Record:
 def stands_still(fit: Estimates) -> Doubt | None:
     """That an output stood still while it moved before and after, or that a channel dropped out."""
     for k, rec in enumerate(fit.records or ()):
-        for name in (*rec.outputs, *rec.inputs):
-            of_outputs = (slow_samples, frozen_samples) if name in rec.outputs else ()
-            standing = [text for look in of_outputs for text in look(rec, name)]
-            for text in (*standing, *dropped_samples(rec, name)):
-                return Doubt(text if k == 0 else f"Record {k}: {text}")
+        if text := _standing(rec):
+            return Doubt(text if k == 0 else f"Record {k}: {text}")
     return None
+
+
+def _standing(rec: Record) -> str:
+    """The first channel that stands still and should not, in words; nothing where all move."""
+    of_outputs: tuple[Look, ...] = (slow_samples, frozen_samples)
+    for name in (*rec.outputs, *rec.inputs):
+        for look in (*(of_outputs if name in rec.outputs else ()), dropped_samples):
+            for text in look(rec, name):
+                return text
+    return ""

@@ -106,7 +106,7 @@ def contradicted_numbers(fit: Estimates) -> Doubt | None:
 @kept
 def _estimated(fit: Estimates) -> tuple[Any, Sequence[Number], Estimates] | None:
     """The model with a parameter for each number, the numbers, and the fit so; None where there is none."""
-    if fit.again is None or fit.records is None or fit.layout.rational or fit.options.drives:
+    if fit.again is None or fit.records is None or fit.options.drives:
         return None
     made = _freed(fit.structure)
     other = again(fit, fit.records, made[0], _options(fit)) if made else None
@@ -120,7 +120,7 @@ def _options(fit: Estimates) -> Options:
 
 def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
     """The numbers in the equations with their estimates, where these explain residuals beyond doubt."""
-    if fit.usable and fit.success and not suspicious(fit):
+    if fit.layout.rational or (fit.usable and fit.success and not suspicious(fit)):
         return None
     falls = worth(fit) if fit.usable else {}
     if max(falls.values(), default=0.0) > max(falls.get(("numbers",), inf) + WORTH, WORTH):

@@ -27,6 +27,8 @@ def sparse(fit: Estimates) -> Doubt | None:
     """
     if not fit.usable or fit.options.noise != "output" or fit.df_resid < 1:
         return None
+    if all(rec.dt is not None for rec in fit.records or ()):
+        return None
     from scipy.special import fdtrc
 
     for rec, levels in zip(fit.records or (), fit.noise_levels, strict=False):

@@ -43,7 +43,7 @@ def worst_mode(fit: Estimates) -> tuple[float, complex, float]:
     worst, at, error = 0.0, 0j, 0.0
     for _, output in fit.denominators():
         poles, gradients = fit.pole_gradients(output)
-        errors = root(np.einsum("kp,pq,kq->k", gradients.real, cov, gradients.real))
+        errors = root(np.sum(gradients.real @ cov * gradients.real, axis=1))
         for pole, own in zip(poles.tolist(), errors.tolist(), strict=True):
             ratio = own / max(abs(pole.real), slowest)
             if pole.imag > 0 and ratio > worst:  # not where it is no number

@@ -56,6 +56,8 @@ def polynomials_of(given: Any, name: str) -> list[list[F64]]:
 
 def strip(p: F64, relative: float = 0.0) -> F64:
     """Without leading zeros (or, of a computed polynomial, what is rounding of zero)."""
+    if relative == 0.0 and p[0] != 0:
+        return p
     keep = np.flatnonzero(np.abs(p) > relative * np.max(np.abs(p)))
     return p[keep[0] :] if keep.size else np.zeros(1)
 
@@ -84,11 +86,11 @@ def root_slopes(p: F64) -> tuple[C128, C128]:
     """Roots r by increasing modulus and their derivatives (root, coefficient), −r^k/p'(r) to that of s^k."""
     found, q, w = _scaled_roots(p)
     found = by_modulus(found)
-    z = found / w
-    powers = np.arange(float(p.size))[::-1]
+    degrees = np.arange(p.size - 1.0, -1.0, -1.0)
+    powers = (found / w)[:, None] ** degrees
     with np.errstate(divide="ignore", invalid="ignore"):  # repeated roots have no derivatives
-        slope = -(z[:, None] ** powers) / np.polyval(np.polyder(q), z)[:, None]
-        return found, slope * w ** (powers + 2 - q.size) / strip(p)[0]
+        steepness = powers[:, p.size - q.size + 1 :] @ (q[:-1] * degrees[p.size - q.size : -1])
+        return found, -powers / steepness[:, None] * w ** (degrees + 2 - q.size) / strip(p)[0]
 
 
 def _scaled_roots(p: F64) -> tuple[C128, F64, float]:
@@ -99,7 +101,11 @@ def _scaled_roots(p: F64) -> tuple[C128, F64, float]:
     q = p / p[0]
     w = time_unit(q)
     q = q * w ** -np.arange(float(q.size))
-    return np.asarray(np.roots(q) * w, dtype=np.complex128), q, w
+    if q[-1] == 0:
+        return np.asarray(np.roots(q) * w, dtype=np.complex128), q, w
+    matrix = np.eye(q.size - 1, k=-1)  # as np.roots has it, at half its time
+    matrix[0] = -q[1:]
+    return np.asarray(np.linalg.eigvals(matrix) * w, dtype=np.complex128), q, w
 
 
 def roots_of(p: F64) -> C128:
