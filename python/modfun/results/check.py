@@ -11,6 +11,7 @@ from ..base.tables import Findings
 from .band_end import beyond
 from .cures import again
 from .dead_bands import stands_still, stored_late
+from .degrees import in_degrees
 from .diagnosis import diagnose
 from .doubts import (
     SURE,
@@ -20,7 +21,6 @@ from .doubts import (
     condition,
     contradicted,
     few_samples,
-    in_degrees,
     in_hertz,
     in_two_units,
     minima,

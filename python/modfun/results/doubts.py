@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.names import listed
-from ..base.units import scale
-from ..errors import SpecError
 from ..language.parser import Node
 from ..records.check import mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
@@ -31,7 +29,6 @@ __all__ = [
     "condition",
     "contradicted",
     "few_samples",
-    "in_degrees",
     "in_hertz",
     "in_two_units",
     "minima",
@@ -360,34 +357,6 @@ def pieces(fit: Estimates) -> Iterator[tuple[str, Node]]:
     """Each piece of the texts of equations, with its text; none of transfer functions."""
     for text in getattr(fit.structure, "parsed", ()):
         yield from ((text.text, node) for node in text.tree.walk())
-
-
-def in_degrees(fit: Estimates) -> Doubt | None:
-    """That equations take sine, cosine or tangent of channels whose unit is not rad."""
-    found: dict[str, str] = {}
-    for _, call in pieces(fit):
-        if call.kind == "call" and call.value in ("sin", "cos", "tan"):
-            found |= {name: call.value for name in _addends(call.parts[0]) if _other_angle(fit, name)}
-    if not found:
-        return None
-    calls = [f"{call}() of {name}, which is in {fit.units[name]}" for name, call in found.items()]
-    new = ", ".join(f"{name}='rad'" for name in found)
-    return Doubt(f"The equations take {listed(calls)}. First try rec.convert({new}).")
-
-
-def _addends(node: Node) -> list[str]:
-    """Names that are terms of a sum, without a factor that may turn degrees into radians."""
-    if node.kind in ("sum", "negative"):
-        return [name for part in node.parts for name in _addends(part)]
-    return [node.value] if node.kind == "name" and not node.primes else []
-
-
-def _other_angle(fit: Estimates, name: str) -> bool:
-    """Whether a channel is an angle in another unit than rad."""
-    try:
-        return scale("fit", fit.units.get(name, ""), "rad").factor != 1
-    except SpecError:  # no angle
-        return False
 
 
 def in_two_units(fit: Estimates) -> Doubt | None:
