@@ -348,7 +348,7 @@ class Fit(Drawn):
         rec : Record or int, optional
         method : {"lstsq", "observer"}
             Least squares on the sampled free response; or a Luenberger observer run backwards in time
-            (report, section 4.7), which is a few per cent less accurate at best.
+            (report, section 4.7), as accurate with the default `eigenvalues` of light modes, else less so.
         eigenvalues : array_like, optional
             Of the observer's error backwards in time, rad/s, one per pole, with negative real parts.
             Default: the frequencies of the poles, decaying as fast as these do forwards, and at least by

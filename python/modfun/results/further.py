@@ -228,7 +228,7 @@ class _Block:
         h = np.where(m == 0, 1.0, 0.5)
         deviation = float(fit.noise_levels[k, i]) * np.sqrt(h / fit.intervals[k])
         return cls(
-            fit, k, i, m, fit.pieces[k][i],
+            fit, k, i, m, fit.pieces[k][i] * _turn(fit, over),
             np.einsum("pkf,kf->pf", slopes[:, i], u * late) / deviation,
             _complex(own).reshape(-1, m.size) / deviation,
             u, late, response[i], over, deviation, _centred(simulated, i, fit.intervals[k] + 1),
@@ -255,7 +255,7 @@ class _Block:
         u = rec.u[k, rec.intervals - self.fit.intervals[self.record] :]
         u = (u - u.mean()) / (float(np.ptp(u)) or 1.0)
         rms = float(np.sqrt(np.mean(u**2)))  # a stop: what an actuator does not pass
-        found = self._spectra(np.vstack([u**2, u**3, u.clip(-rms, rms)])) * self.late[k].conj()
+        found = self._spectra(_bent(np.vstack([u**2, u**3, u.clip(-rms, rms)]), u)) * self.late[k].conj()
         return np.concatenate([found, found * self.over])
 
     def changes(self) -> C128:
@@ -274,6 +274,22 @@ class _Block:
         full[:, full.shape[1] - rows.shape[1] :] = rows
         kinds = ["smooth"] * len(rows)
         return _lines(self.fit, self.record, full, kinds, np.zeros(len(rows))) / self.deviation
+
+
+def _bent(rows: F64, u: F64) -> F64:
+    """What rows are beside a straight line over u; zeros where that is nothing, as of two levels."""
+    line = np.vstack([np.ones(u.size), u])
+    left: F64 = rows - np.linalg.lstsq(line.T, rows.T, rcond=None)[0].T @ line
+    left[np.abs(left).max(axis=1) <= SAME * np.abs(rows).max(axis=1)] = 0.0
+    return left
+
+
+def _turn(fit: Estimates, over: C128) -> C128 | float:
+    """What turns whitened residuals of the equation, divided by the size of A alone, into the output's.
+
+    Outputs with denominators of their own are whitened together, and have their phases already.
+    """
+    return over / np.abs(over) if fit.layout.common or len(fit.outputs) == 1 else 1.0
 
 
 def _centred(simulated: F64 | None, i: int, count: int) -> F64:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isnan
+from math import inf, isnan
 
 from .._core import sharpest
 from ..base.between import MIXED
@@ -277,7 +277,8 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         text = f"The residuals of {y} follow {one.channel} ({chance}), and a slow drift explains that."
     settled = cure.level_p > UNLIKELY > SURE > level_p(fit)
     text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
-    return [(Doubt(text, sure or settled), cure.before - cure.after)] if spoken or settled else []
+    fallen = inf if settled else cure.before - cure.after  # nothing is left for others to explain
+    return [(Doubt(text, sure or settled), fallen)] if spoken or settled else []
 
 
 def _of_free_motion(fit: Estimates) -> list[tuple[Doubt, float]]:
