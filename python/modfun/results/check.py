@@ -50,6 +50,7 @@ from .slow_inputs import slow_input
 from .sparse import sparse
 from .stand_in import stand_in
 from .still_inputs import of_still_inputs
+from .swapped import swapped
 from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared
 from .uneven_noise import of_time
@@ -206,8 +207,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
-    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, fed_back,
-    unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
+    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
+    fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
 )  # fmt: skip
 
 
@@ -245,6 +246,7 @@ def check(fit: Estimates, line: str) -> Findings:
             unrecorded_input,
             late_channel,
             bent,
+            swapped,
             fed_back,
         )
         told = [said[look] for look in first]

@@ -1,0 +1,34 @@
+"""An input and an output that were taken for each other, where the other way round only the noise is left."""
+
+from __future__ import annotations
+
+from .cures import ENOUGH, again
+from .diagnosis import level_p
+from .doubts import SURE, Doubt
+from .estimates import Estimates
+
+__all__ = ["swapped"]
+
+MOST = 0.5  # of an input's standard deviation: what noise may be of it as an output
+
+
+def swapped(fit: Estimates) -> Doubt | None:
+    """That the input is the output, which has noise of its own, and the output, without, the input."""
+    if not (fit.layout.rational and len(fit.outputs) == len(fit.inputs) == 1) or not level_p(fit) < SURE:
+        return None
+    records, (y,), (u,) = fit.records or (), fit.outputs, fit.inputs
+    if fit.again is None or any(rec.mask is not None or rec.sigma is not None for rec in records):
+        return None
+    turned = tuple([rec._like(y=rec.u, u=rec.y, outputs=(u,), inputs=(y,)) for rec in records])
+    options = fit.options.replace(band=None, harmonics=None)
+    other = again(fit, turned, fit.structure, options)
+    if other is None or not other.success or not ENOUGH < level_p(other) < 1 - SURE:
+        return None
+    # An input of all frequencies is its own high band, and nothing explains it.
+    if any(other.high_band_levels[0] > MOST * rec.u.std() for rec in records):
+        return None
+    return Doubt(
+        f"The residuals are far above the noise of {y}, and with {y} as the input and {u} as the output only "
+        f"the noise of {u} is left: they were taken for each other. First swap them, "
+        f"mf.Record(y=rec[{u!r}], u=rec[{y!r}], ...)."
+    )
