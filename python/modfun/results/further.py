@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import inf, isnan, log, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ __all__ = ["Explained", "event", "event_p", "further", "simulated", "stationary"
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
+SHARES = np.append(0.0, 1 - np.logspace(-4, -0.05, 30)[::-1])  # of noise that drives the system
 LARGE = 1e100  # a simulated output beyond it is that of an unstable model and explains nothing
 BESIDE = 16  # samples on either side of one that show how strong the noise is there
 SAME = 1e-3  # columns closer to the fitted ones, or to one another, are the same
@@ -43,7 +44,8 @@ class Explained:
     output : int
         Position of the output.
     p_value : float
-        Of an F test, allowing for noise whose log power is a straight line over log frequency; of an event
+        Of an F test, allowing for noise whose log power is a straight line over log frequency, and for noise
+        that drives the system; of an event
         Fisher's. Small: the columns belong to the residuals.
     bic : float
         By how much a fit with these columns would lower N log(cost/N) + p log N; positive: it pays.
@@ -322,6 +324,16 @@ def _real(rows: C128) -> F64:
     return np.concatenate([rows.real, rows.imag], axis=-1)
 
 
+class _Tested(NamedTuple):
+    """One test: p-value, part of the residuals' power, columns; what is left of rows, and their freedom."""
+
+    p_value: float
+    share: float
+    columns: int
+    rest: F64
+    free: F64
+
+
 @dataclass(frozen=True)
 class _Residual:
     """The residual lines of one output over all records, real parts first, and what was fitted to them."""
@@ -330,6 +342,7 @@ class _Residual:
     nuisance: F64
     e: F64
     x: F64  # logarithm of the frequency
+    driven: F64  # spectrum of noise that drives the system, of mean 1
     ends: NDArray[np.intp]  # of the records
     basis: F64  # of the nuisance, unweighted
     enough: float  # p-value in white noise above which the slope of the noise is not asked for
@@ -345,7 +358,9 @@ class _Residual:
             at += len(block.own)
         e = np.concatenate([_real(b.residual) for b in blocks])
         x = np.concatenate([np.tile(np.log(b.m + 1.0), 2) for b in blocks])
-        return cls(blocks[0].output, nuisance, e, x, ends, _basis(nuisance), enough)
+        driven = np.concatenate([np.tile(np.abs(b.over / b.deviation) ** 2, 2) for b in blocks])
+        driven /= driven.mean()
+        return cls(blocks[0].output, nuisance, e, x, driven, ends, _basis(nuisance), enough)
 
     def response(self, channel: str, columns: Sequence[C128]) -> Explained:
         """The likelier of any further response and of more delay alone, which is missing most often."""
@@ -355,38 +370,46 @@ class _Residual:
         return replace(best, p_value=min(1.0, 2 * best.p_value))
 
     def tested(self, what: str, channel: str, columns: Sequence[C128]) -> Explained:
-        """F test of columns beside the fitted ones in white noise and in noise of one slope: the larger p."""
-        from scipy.special import fdtrc
-
+        """F test of columns beside the fitted ones: the largest p in white, in steep and in driving noise."""
         tested = np.concatenate([_real(extra) for extra in columns], axis=-1)
-        tall = self.e.size
-        weight, worst, share, extra_count = np.ones(tall), 0.0, 0.0, 0
-        for pass_ in range(3):
-            basis = self.basis if pass_ == 0 else _basis(self.nuisance * weight)
-            new = tested * weight
-            size = np.linalg.norm(new, axis=1)
-            new = (new - (new @ basis) @ basis.T)[size > 0] / size[size > 0, None]
-            left, s, _ = np.linalg.svd(new.T, full_matrices=False)
-            left = left[:, s > SAME]
-            whole = self.e * weight - basis @ (basis.T @ (self.e * weight))
-            part = left.T @ whole
-            rest = whole - left @ part
-            count, free = left.shape[1], tall - basis.shape[1] - left.shape[1] - (pass_ > 0)
-            remaining = float(rest @ rest)
-            if count == 0 or free < 2:
+        white = self._within(tested, np.ones(self.e.size))
+        if white is None:
+            return Explained(what, channel, self.output, nan, -inf)
+        worst = white.p_value
+        for shape in (self._steep, self._driving) if worst <= self.enough else ():
+            found: _Tested | None = white
+            for _ in range(2):  # in which a shape settles
+                found = found and self._within(tested, shape(found.rest, found.free), more=1)
+            if found is None:
                 return Explained(what, channel, self.output, nan, -inf)
-            ratio = float(part @ part) / count / (remaining / free) if remaining > 0 else inf
-            if pass_ != 1:  # white noise first; the slope settles in two passes
-                worst = max(worst, float(fdtrc(count, free, ratio)))
-            if pass_ == 0:
-                share, extra_count = float(part @ part) / float(whole @ whole), count
-            if pass_ == 2 or worst > self.enough:
-                break
-            weight = self._weight(rest / weight, 1 - np.sum(basis**2, axis=1) - np.sum(left**2, axis=1))
-        gain = -tall * log(max(1 - share, 1e-300)) - extra_count * log(tall)
+            worst = max(worst, found.p_value)
+        tall = self.e.size
+        gain = -tall * log(max(1 - white.share, 1e-300)) - white.columns * log(tall)
         return Explained(what, channel, self.output, worst, gain)
 
-    def _weight(self, rest: F64, free: F64) -> F64:
+    def _within(self, tested: F64, weight: F64, more: int = 0) -> _Tested | None:
+        """The test with rows so weighted, by `more` numbers of residuals; None where nothing is left."""
+        from scipy.special import fdtrc
+
+        basis = _basis(self.nuisance * weight) if more else self.basis
+        new = tested * weight
+        size = np.linalg.norm(new, axis=1)
+        new = (new - (new @ basis) @ basis.T)[size > 0] / size[size > 0, None]
+        left, s, _ = np.linalg.svd(new.T, full_matrices=False)
+        left = left[:, s > SAME]
+        whole = self.e * weight - basis @ (basis.T @ (self.e * weight))
+        part = left.T @ whole
+        rest = whole - left @ part
+        count, free = left.shape[1], self.e.size - basis.shape[1] - left.shape[1] - more
+        if count == 0 or free < 2:
+            return None
+        remaining, found = float(rest @ rest), float(part @ part)
+        ratio = found / count / (remaining / free) if remaining > 0 else inf
+        of_rows = 1 - np.sum(basis**2, axis=1) - np.sum(left**2, axis=1)
+        share = found / (float(whole @ whole) or 1.0)
+        return _Tested(float(fdtrc(count, free, ratio)), share, count, rest / weight, of_rows)
+
+    def _steep(self, rest: F64, free: F64) -> F64:
         """Weights of noise whose log power is a straight line over log frequency, from what is left of lines.
 
         `free`: degrees of freedom that are left of each part of a line.
@@ -402,6 +425,18 @@ class _Residual:
         slope = float(trust @ (place * height)) / spread if spread > 0 else 0.0
         slope *= max(0.0, 1 - 2 / (spread * slope**2)) if slope else 0.0  # what chance makes of it
         return np.asarray(np.exp(-0.5 * float(np.clip(slope, -STEEPEST, STEEPEST)) * place))
+
+    def _driving(self, rest: F64, free: F64) -> F64:
+        """Weights of noise that drives the system beside white noise, by the likeliest share of either."""
+        own = self._of_lines(free).clip(1e-6)
+        power = self._of_lines(rest**2) / own
+        shapes = SHARES[:, None] * self.driven + (1 - SHARES)[:, None]
+        level = (power / shapes) @ own / own.sum()
+        unlikely = np.log(shapes) @ own + own.sum() * np.log(np.maximum(level, 1e-300))
+        best = int(np.argmin(unlikely))
+        if unlikely[0] - unlikely[best] < 2:  # chance does that
+            best = 0
+        return np.asarray(1 / np.sqrt(shapes[best]))
 
     def _of_lines(self, values: F64) -> F64:
         """Sums over the real and the imaginary part of each line, twice."""
