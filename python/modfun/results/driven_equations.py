@@ -20,7 +20,7 @@ from ..models.process import ProcessNoise, dryden
 from .cures import Cure, again, on_band
 from .doubts import Doubt
 from .estimates import Estimates
-from .origin import APART, wide_band
+from .origin import wide_band
 from .shifts import output_lines
 
 __all__ = ["driven", "one_cause"]
@@ -29,6 +29,7 @@ GUST = "gust"  # name of the input that nobody measured
 POLES = 1 - np.logspace(-3, 0.1, 40)  # of noise of first order, a sample
 WHITE = np.append(0.0, np.logspace(-5, 0, 30))  # white noise beside it, of the mean power
 BINS, FEWEST = 12, 8  # of frequencies, and of lines in each
+APART = 14.0  # of BIC, of one output
 ROUNDS = 3  # of weights
 SURELY = 40.0  # of BIC: of 84 sets of records with coloured sensors none came to 29
 

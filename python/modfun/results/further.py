@@ -19,7 +19,7 @@ from ..records.record import Record
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "event_p", "further", "simulated", "stationary", "testable"]
+__all__ = ["Explained", "event", "event_p", "fitted_lines", "further", "simulated", "stationary", "testable"]
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
@@ -124,6 +124,15 @@ def fitted(fit: Estimates) -> tuple[Record, ...]:
 def stationary(fit: Estimates) -> bool:
     """Whether all samples count alike, so that noise may be stationary."""
     return all(rec.mask is None and rec.sigma is None for rec in fitted(fit))
+
+
+def fitted_lines(fit: Estimates, i: int) -> tuple[F64, F64, NDArray[np.intp]]:
+    """Residual lines of an output, real parts first, record by record, with the ends of these.
+
+    Between them orthonormal columns (part, column) that span what was fitted to the lines.
+    """
+    one = _Residual.of([_Block.of(fit, k, i, None) for k in range(len(fitted(fit)))])
+    return one.e, one.basis, one.ends
 
 
 def event(fit: Estimates) -> Explained | None:

@@ -50,6 +50,7 @@ LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by its
 SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about, and of gains
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 AMPLIFIED = 3.0  # ratio of noise levels beyond which products of derivatives have bent estimates
+LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
 DRIVES = "seems to drive the equations"
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
@@ -108,7 +109,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         # A clipped input is one of many shapes of a gain that is not constant.
         spoken = one.p_value < UNLIKELY / count
         sure = one.p_value < (SUREST if one.what == "gain" else SURE) / count
-        explained |= spoken
+        explained |= spoken and one.what not in LIKE_GUSTS
         likely = high and one.what in ("response", "drift") and one.p_value < PLAUSIBLE
         if sure or likely or (spoken and not sure_only):
             said += _further(fit, one, sure, spoken)
@@ -133,7 +134,8 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
             )
         )
     if too_large(d.chi2_p) and not any(DRIVES in doubt.text for doubt, _ in said):
-        found.append(_too_large(fit, d, alone=not (said or explained), sure_only=sure_only))
+        alone = not explained and not any(doubt.sure for doubt, _ in said)
+        found.append(_too_large(fit, d, alone=alone, sure_only=sure_only))
     elif too_small(d.chi2_p, d.level_ratio):
         found.append(
             Doubt(
@@ -236,8 +238,9 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         )
     if found == "either":
         text += (
-            " Noise that drives the system, such as turbulence, looks like this, too: compare "
-            'noise="process" with noise="coloured".'
+            " Noise that drives the system, such as turbulence, looks like this, too; standard errors are "
+            "then too small. One record does not tell it from slow noise of the sensors: first take "
+            'noise="process", whose intervals hold for both.'
         )
     if found == "coloured":
         low, high = fit.band
@@ -262,7 +265,7 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         return [(Doubt(_words(fit, one, y, chance), settled), one.bic)] if spoken or settled else []
     if one.what != "response":
         text = _words(fit, one, y, chance)
-        if one.what in ("power", "change", "drift") and level_p(fit) < SURE and origin(fit) == "process":
+        if one.what in LIKE_GUSTS and level_p(fit) < SURE and origin(fit) in ("process", "either"):
             text += (
                 " Noise that drives the system, such as turbulence, makes a light mode look like this, too: "
                 'compare noise="process".'

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..errors import ModfunError
 from ..models.transfer_function import TransferFunction
 from .cures import WORTH, again, on_band
 from .estimates import Estimates
+from .further import fitted_lines
 
-__all__ = ["APART", "gain_of_colour", "gain_of_process", "hum", "origin", "wide_band"]
+__all__ = ["gain_of_colour", "gain_of_process", "hum", "origin", "wide_band"]
 
-RATIOS = np.append(0.0, np.logspace(-5, 0, 60))  # measurement noise beside process noise, of the mean power
-APART = 14.0
+WHITE = np.append(0.0, np.logspace(-6, 0, 31))  # noise of the samples beside other noise, of the mean power
+RATES = np.append(np.append(0.0, 1 / (1 + np.logspace(-3, 3, 13))), 1.0)  # what acts on the rate, likewise
 LINES = 256  # of all outputs of equations, at most: their covariances grow with the square
 LEAST_GAIN = 1.2  # of a standard error
 HUM, HUM_LINES = 0.7, 16  # part of the residuals' power in two lines beside each other, of so many at least
-POLES = 1 - np.logspace(-3, 0.1, 80)  # of coloured noise of first order, a sample
+POLES = 1 - np.logspace(-3.3, 0.1, 45)  # of coloured noise of first order, a sample
 
 
 def hum(fit: Estimates) -> tuple[int, float, float] | None:
@@ -39,10 +44,11 @@ def hum(fit: Estimates) -> tuple[int, float, float] | None:
 def origin(fit: Estimates) -> str | None:
     """ "process", "coloured", "either" or None, by likelihoods of residual lines up to an eighth of the rate.
 
-    Process noise beside white noise of the samples has the spectrum r + (1 - r)/|A|^2, coloured noise of
-    first order 1/|1 - c exp(-i w dt)|^2: one shape parameter each. Either is told from white noise by ten
-    units of -2 log likelihood, one from the other by fourteen: of 900 records with coloured noise none came
-    to eleven.
+    Process noise has the spectrum (c0 + c1 w^2)/|A|^2, coloured noise of first order
+    1/|1 - c exp(-i w dt)|^2, both beside white noise of the samples, as drifting sensors have it, too. The
+    likelihoods are restricted: a fit takes the lines at a light mode for itself, and what it leaves looks
+    like slow noise. Either is told from white noise, and one from the other, by ten units of -2 log
+    likelihood.
     """
     plain = fit.options.noise == "output" and fit.options.plain_noise and fit.layout.plain
     if hum(fit) or not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
@@ -57,29 +63,71 @@ def origin(fit: Estimates) -> str | None:
     wide = again(fit, fit.records, fit.structure, options)
     if wide is None:
         return None
-    power, rows, driven, delay = [], [], [], []
-    for (low, high), omega0, (piece, *_), dt in zip(wide.lines, wide.omega0, wide.pieces, steps, strict=True):
-        m = np.arange(low, high + 1)
-        power.append(np.abs(piece) ** 2)
-        rows.append(np.where(m == 0, 1.0, 2.0))
-        a = np.polyval(wide.polynomials(0)[0], 1j * m * omega0)
-        driven.append(1 / np.maximum(np.abs(a) ** 2, np.finfo(float).tiny))
-        delay.append(np.exp(-1j * m * omega0 * dt))
-    k, squares, z = np.concatenate(rows), np.concatenate(power), np.concatenate(delay)
-    count, shape = float(k.sum()), np.concatenate(driven)
-    shape /= shape.mean()
-
-    def deviance(spectrum: F64) -> float:
-        return float(k @ np.log(spectrum)) + count * float(np.log(squares @ (1 / spectrum) / count))
-
-    process = min([deviance((1 - r) * shape + r) for r in RATIOS.tolist()])
-    coloured = min([deviance(1 / np.abs(1 - c * z) ** 2) for c in POLES.tolist()])
-    white = deviance(np.ones(k.size))
-    if min(process, coloured) > white - WORTH:
+    numbers = [np.arange(low, high + 1) for low, high in wide.lines]
+    omega = np.concatenate([m * omega0 for m, omega0 in zip(numbers, wide.omega0, strict=True)])
+    turn = np.concatenate([m * w * dt for m, w, dt in zip(numbers, wide.omega0, steps, strict=True)])
+    driven = 1 / np.maximum(np.abs(np.polyval(wide.polynomials(0)[0], 1j * omega)) ** 2, np.finfo(float).tiny)
+    acting = [_of_mean_one(driven), _of_mean_one(omega**2 * driven)]
+    mixed = np.outer(1 - RATES, acting[0]) + np.outer(RATES, acting[1])
+    slow = _of_mean_one(1 / np.abs(1 - POLES[:, None] * np.exp(-1j * turn)) ** 2)
+    lines = _Lines.of(wide, np.concatenate(numbers))
+    process, coloured = lines.deviance(mixed), lines.deviance(slow)
+    if min(process, coloured) > lines.deviance(np.ones((1, omega.size))) - WORTH:
         return None
-    if abs(process - coloured) <= APART:
+    if abs(process - coloured) <= WORTH:
         return "either"
     return "process" if process < coloured else "coloured"
+
+
+def _of_mean_one(spectra: F64) -> F64:
+    return np.asarray(spectra / spectra.mean(axis=-1, keepdims=True))
+
+
+class _Lines(NamedTuple):
+    """Residual lines of the first output, and what was fitted to them, as sums over their two parts.
+
+    Attributes
+    ----------
+    parts : ndarray
+        Degrees of freedom of each line.
+    power, shared, products : ndarray
+        Of each line: of its residual, of this with each column that was fitted, of these with each other.
+    """
+
+    parts: F64
+    power: F64
+    shared: F64
+    products: F64
+
+    @classmethod
+    def of(cls, fit: Estimates, m: NDArray[np.intp]) -> _Lines:
+        residual, basis, ends = fitted_lines(fit, 0)
+        every = np.vstack([residual, basis.T])
+        records = [every[:, a:b].reshape(len(every), 2, -1) for a, b in pairwise([0, *ends.tolist()])]
+        products = np.concatenate([np.einsum("pcm,qcm->mpq", own, own) for own in records])
+        parts = np.where(m == 0, 1.0, 2.0)
+        products *= parts[:, None, None]
+        return cls(parts, products[:, 0, 0], products[:, 0, 1:], products[:, 1:, 1:])
+
+    def deviance(self, shapes: F64) -> float:
+        """The least -2 log restricted likelihood of noise of some shapes (shape, line) beside white noise."""
+        lines, count = self.shared.shape
+        free, best = float(self.parts.sum()) - count, np.inf
+        flat = self.products.reshape(lines, -1)
+        for white in WHITE.tolist():
+            spectra = (1 - white) * shapes + white
+            inverse = 1 / spectra
+            information = (inverse @ flat).reshape(-1, count, count)
+            moved = inverse @ self.shared
+            try:
+                solved = np.linalg.solve(information, moved[:, :, None])[:, :, 0]
+            except np.linalg.LinAlgError:  # a shape that leaves no line with all columns
+                continue
+            left = inverse @ self.power - np.sum(moved * solved, axis=1)
+            found = np.log(spectra) @ self.parts + free * np.log(left / free)
+            found += np.linalg.slogdet(information)[1]
+            best = min(best, float(np.min(found[np.isfinite(found)], initial=np.inf)))
+        return best
 
 
 def gain_of_colour(fit: Estimates) -> float | None:
