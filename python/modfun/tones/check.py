@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
 from typing import Any
 
@@ -14,6 +14,10 @@ from ..base.tables import Findings
 
 __all__ = ["check"]
 
+DRIVEN = (
+    "A motion that noise drives looks alike, too: then fit an equation, "
+    'mf.Equation("y\'\' + a1*y\' + a2*y = 0"), with noise="process".'
+)
 Sinusoids = Any  # that of `results`, which imports this file
 
 UNLIKELY = 0.01  # p-value of each kind of test, over all tones, lines or samples that it looks at
@@ -24,6 +28,10 @@ OWN = 3  # lines on each side of a tone that it takes from the residuals
 NEAR = 10  # lines beyond these that show the noise about it
 FEWEST = 8  # lines that can show it
 DEPENDENT = 1e-6  # what a column has beside the others, over its length
+BESIDE = 3.0  # lines from a tone that one close to it has at most
+CLOSE = np.arange(0.25, BESIDE + 0.1, 0.25)
+FADING = np.array([0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0])  # e-folds over the record
+CLEARLY = 6.0  # of BIC
 AROUND = 20  # lines on each side of one that may be a further tone
 NORMAL = 1.4826  # standard deviation over the median distance from zero, of normal numbers
 EFFICIENCY = 0.37  # of that median
@@ -147,6 +155,20 @@ def _changes(found: Sinusoids, errors: NDArray[Any], noise: F64) -> dict[int, st
         error = float(np.sqrt(noise[i] * (rest @ rest) / left)) / length
         p = 2 * float(stdtr(left, -abs(value / error))) * len(found) * len(tests)
         if p < UNLIKELY:
+            span = found.dt * n
+            close, fading = (
+                _beside(found, residual, flat, basis, waves[:, i], shapes / span)
+                for shapes in (2j * np.pi * np.append(-CLOSE, CLOSE), np.append(-FADING, FADING))
+            )
+            bic = [min(_bic(rest, 1), fading if kind == "decays" else np.inf), close]
+            if bic[1] < bic[0] - CLEARLY:
+                said[i] = (
+                    f"Tone {i + 1} at {found.omega[i]:.4g} rad/s is not alone: a further tone within "
+                    f"{BESIDE:.2g} lines of it explains the residuals better than a decay or a frequency "
+                    f"that moves steadily (p = {p:.1g}). Compare with count={len(found) + 1}. A frequency or "
+                    f"amplitude that swings looks alike. {DRIVEN}"
+                )
+                continue
             words = (
                 f"{'decays' if value > 0 else 'grows'}, by a damping of {value:.3g} ± {error:.2g} 1/s "
                 f"(p = {p:.1g}). Fit with damped=True."
@@ -154,8 +176,36 @@ def _changes(found: Sinusoids, errors: NDArray[Any], noise: F64) -> dict[int, st
                 else f"does not keep its frequency, which moves by {value:.3g} ± {error:.2g} rad/s per "
                 f"second (p = {p:.1g}). Fit shorter pieces of the record."
             )
+            if abs(bic[1] - bic[0]) <= CLEARLY:
+                words += f" A further tone close by looks alike: compare with count={len(found) + 1}."
+            if kind == "moves" and "damping" in found.kinds:
+                words += f" {DRIVEN}"
             said[i] = f"Tone {i + 1} at {found.omega[i]:.4g} rad/s {words}"
     return said
+
+
+def _bic(rest: F64, count: int) -> float:
+    """Of residuals that so many more parameters have left."""
+    return rest.size * float(np.log(rest @ rest)) + count * float(np.log(rest.size))
+
+
+def _beside(
+    found: Sinusoids,
+    residual: F64,
+    flat: Callable[[NDArray[Any]], F64],
+    basis: F64,
+    wave: NDArray[Any],
+    rates: NDArray[Any],
+) -> float:
+    """BIC of what the likeliest wave more leaves of the residuals: a tone that turns or grows at a rate."""
+    time, best = found.dt * np.arange(found.y.size), np.inf
+    for rate in rates.tolist():
+        turned = found.weights * wave * np.exp(rate * time)
+        columns = np.stack([flat(turned), flat(1j * turned)], axis=1)
+        columns -= basis @ (basis.T @ columns)
+        own = np.linalg.lstsq(columns, residual, rcond=None)[0]
+        best = min(best, _bic(residual - columns @ own, 3))
+    return best
 
 
 def _further(found: Sinusoids, power: F64, far: F64, changed: Iterable[int]) -> Iterator[str]:

@@ -46,6 +46,12 @@ CASES: dict[str, tuple[int, Callable[[Noise], np.ndarray], str, int]] = {
         "on which its standard errors rest",
         90,
     ),
+    "close": (
+        1,
+        lambda rng: 2 * np.cos(63 * T) + np.cos(64.2 * T + 6 * rng.random()) + 0.2 * rng.standard_normal(N),
+        "further tone",
+        90,
+    ),
     "spikes": (2, lambda rng: TWO + spiky(rng), "Leave them out", 100),
 }
 
