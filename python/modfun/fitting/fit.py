@@ -31,6 +31,7 @@ from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
 from .prepared import counts_start, fits_alone
+from .signs import signs_open
 from .single import fit_quietly, fit_whole
 from .undeclared import fit_as_read, read_alike
 
@@ -350,6 +351,7 @@ def fit_many(
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
     alone = past or fits_alone(read, structure, checked) or _bends(read, structure, checked)
+    alone = alone or _signs_open(read, structure)
     if not alone and (isinstance(read, Batch) or _alike(read)):
         return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
     return fit_each(read, structure, checked, fit_whole, progress, notes)
@@ -362,6 +364,14 @@ def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -
     return bool("zoh" in data[0].intersample or data[0].functions) and bent(
         fit_equation(data[:1], structure, options)
     )
+
+
+def _signs_open(data: Batch | tuple[Record, ...], structure: Any) -> bool:
+    """Whether equations leave signs open, which each record by itself tells."""
+    if isinstance(structure, TransferFunction):
+        return False
+    own = data if isinstance(data, Batch) else structure.own_channels(data[0])
+    return signs_open(structure, own.outputs, own.inputs)
 
 
 def _alike(records: tuple[Record, ...]) -> bool:

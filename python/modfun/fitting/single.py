@@ -17,6 +17,7 @@ from .past import fit_with_past
 from .plain import fit_plain
 from .prepared import counts_start
 from .robust import refuse_robust, robust_fit
+from .signs import signed
 from .uneven import without_excess
 
 __all__ = ["fit_quietly", "fit_whole", "refuse_whole"]
@@ -31,6 +32,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
         made = equations_closely(fit_equation(records, structure, options, fit_quietly), fit_equation)
+        made = signed(made)
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -12,13 +13,14 @@ from .compiled import Compiled
 from .identify import determined
 from .meaning import parameter
 
-__all__ = ["twins"]
+__all__ = ["flips", "twins"]
 
 SEED, STARTS = 20, 40
 FURTHEST = 100  # evaluations from a start: those that arrive take some 20, and others go to infinity
 SAME = 1e-9  # relative difference of coefficients that rounding leaves
 APART = 1e-3  # relative difference of parameters that are others
 MOST = 3
+MOST_SIGNS = 10  # parameters, of which every choice of signs is tried
 
 
 def twins(compiled: Compiled, params: F64) -> list[F64]:
@@ -65,6 +67,21 @@ def twins(compiled: Compiled, params: F64) -> list[F64]:
         if len(found) == MOST:
             break
     return found
+
+
+def flips(compiled: Compiled, params: F64) -> list[F64]:
+    """The signs, factors of 1 and -1, that leave all coefficients what they are beside those of `params`."""
+    names = [parameter(name) for name in compiled.parameters]
+    own = determined(compiled)
+    if not (0 < len(names) <= MOST_SIGNS) or not own or not np.all(np.isfinite(params)):
+        return []
+    signs = np.array(list(product((1.0, -1.0), repeat=len(names))))
+    with np.errstate(all="ignore"):
+        found = sympy.lambdify(names, own, "numpy")(*(signs * params).T)
+        given = np.array([np.broadcast_to(np.asarray(value, dtype=float), len(signs)) for value in found])
+        same = np.all(np.abs(given - given[:, :1]) <= SAME * np.abs(given[:, :1]), axis=0)
+    told = np.all((signs > 0) | (params != 0), axis=1)
+    return [own for own in signs[1:][same[1:] & told[1:]]]
 
 
 def _bounds(compiled: Compiled) -> tuple[F64, F64]:

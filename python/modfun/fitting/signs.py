@@ -1,0 +1,85 @@
+"""Signs of parameters that equations without their hidden signals do not tell, but the equations do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import F64
+from ..errors import DataError
+from ..results.estimates import COVARIANCES
+
+__all__ = ["signed", "signs_open"]
+
+EQUAL = 1.01  # ratio of residuals that tells no signs apart
+
+
+def signed(fit: Any) -> Any:
+    """The fit with the signs by which its equations follow the first record best.
+
+    A hidden signal under a root is eliminated by squares, which two signs of its factor have in common; with
+    one of them the equations run off. Where none does better, as few as possible are negative.
+    """
+    if not fit.usable or not fit.records:
+        return fit
+    choices = _choices(fit.layout, fit.params)
+    if len(choices) < 2:
+        return fit
+    choices.sort(key=lambda signs: int(np.sum(signs * fit.params < 0)))
+    made = [_with(fit, signs) for signs in choices]
+    costs = [_left(one) for one in made]
+    if not min(costs) < inf:
+        return fit
+    return next(one for one, cost in zip(made, costs, strict=True) if cost <= EQUAL * min(costs))
+
+
+def signs_open(structure: Any, outputs: tuple[str, ...], inputs: tuple[str, ...]) -> bool:
+    """Whether equations for these channels leave signs open, so that each record is asked for them."""
+    compiled = structure.compiled(outputs, inputs)
+    if not compiled.hidden:
+        return False
+    from ..equations.symbolic.twins import flips
+
+    return bool(flips(compiled, np.sqrt(np.arange(2.0, 2.0 + len(compiled.parameters)))))
+
+
+def _choices(layout: Any, params: F64) -> list[F64]:
+    """Signs that make the same equations without hidden signals, those of the fit among them."""
+    same = [np.ones(params.size)]
+    if not layout.compiled.hidden:
+        return same
+    from ..equations.symbolic.twins import flips
+
+    words = layout.formulas.words
+    known = {k for k, _, _ in words["priors"]} | {
+        k for k, start in enumerate(words["starts"]) if start is not None and start * params[k] > 0
+    }
+    for signs in flips(layout.compiled, params):
+        moved = signs * params
+        within = all(low <= x <= high for x, (low, high) in zip(moved, words["bounds"], strict=True))
+        if within and not any(signs[k] < 0 for k in known):
+            same.append(signs)
+    return same
+
+
+def _with(fit: Any, signs: F64) -> Any:
+    """The fit with other signs of its parameters."""
+    if np.all(signs > 0):
+        return fit
+    both = np.outer(signs, signs)
+    turned = {name: getattr(fit, name) * both for name in (*COVARIANCES, "gram")}
+    return replace(fit, params=fit.params * signs, **turned)
+
+
+def _left(fit: Any) -> float:
+    """Root mean square of what the simulated first record leaves, each output in its own size; inf: all."""
+    rec = fit.records[0]
+    try:
+        simulated, _ = fit.simulate(rec)
+    except DataError:
+        return inf
+    size = np.maximum(np.std(rec.y, axis=1), 1e-300)[:, None]
+    return float(np.sqrt(np.nanmean(((rec.y - simulated) / size) ** 2)))
