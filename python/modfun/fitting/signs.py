@@ -11,13 +11,14 @@ import numpy as np
 from ..base.arrays import F64
 from ..errors import DataError
 from ..results.estimates import COVARIANCES
+from ..results.of_equations import EquationFit
 
 __all__ = ["signed", "signs_open"]
 
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
 
 
-def signed(fit: Any) -> Any:
+def signed(fit: EquationFit) -> EquationFit:
     """The fit with the signs by which its equations follow the first record best.
 
     A hidden signal under a root is eliminated by squares, which two signs of its factor have in common; with
@@ -65,18 +66,18 @@ def _choices(layout: Any, params: F64) -> list[F64]:
     return same
 
 
-def _with(fit: Any, signs: F64) -> Any:
+def _with(fit: EquationFit, signs: F64) -> EquationFit:
     """The fit with other signs of its parameters."""
     if np.all(signs > 0):
         return fit
     both = np.outer(signs, signs)
-    turned = {name: getattr(fit, name) * both for name in (*COVARIANCES, "gram")}
-    return replace(fit, params=fit.params * signs, **turned)
+    turned: dict[str, Any] = {name: getattr(fit, name) * both for name in (*COVARIANCES, "gram")}
+    return replace(fit, **turned | {"params": fit.params * signs})
 
 
-def _left(fit: Any) -> float:
+def _left(fit: EquationFit) -> float:
     """Root mean square of what the simulated first record leaves, each output in its own size; inf: all."""
-    rec = fit.records[0]
+    rec = (fit.records or ())[0]
     try:
         simulated, _ = fit.simulate(rec)
     except DataError:

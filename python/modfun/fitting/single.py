@@ -31,8 +31,7 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
-        made = equations_closely(fit_equation(records, structure, options, fit_quietly), fit_equation)
-        made = signed(made)
+        made = signed(equations_closely(fit_equation(records, structure, options, fit_quietly), fit_equation))
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from math import inf, isfinite, log, pi
+from math import inf, isfinite, log, nan, pi
 from typing import Any
 
 import numpy as np
@@ -174,17 +174,18 @@ def _of_group(
         other = again(fit, fit.records, structure, options)
         if other is None or EXTRA in other.at_bound:
             continue
+        extra = other[EXTRA] if EXTRA in other.param_names else nan  # of a delay that is a number none
         after = bic_beside(other, fit)
         # Off the centre of gravity is a likelier place than a time off all the others.
         lever = moved is not None and moved is found and words.startswith("lever")
         bar = moved.after + CLOSE if moved and lever else best
-        if not (isfinite(after) and after < bar) or _odd_time(fit, words, other[EXTRA]):
+        if not (isfinite(after) and after < bar) or _odd_time(fit, words, extra):
             continue
-        if words.startswith("a delay") and _part_of_a_step(fit, other):
+        if words.startswith("a delay") and _part_of_a_step(fit, other, extra):
             continue
         if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
-        found = Cure(words.replace("{}", f"{other[EXTRA]:.3g}"), before, after, level_p(other))
+        found = Cure(words.replace("{}", f"{extra:.3g}"), before, after, level_p(other))
         # Of twins in several equations the first is likelier.
         best = after - CLOSE * (isinstance(structure, Equation) and bool(worth(fit)))
     return found
@@ -283,10 +284,10 @@ def _odd_time(fit: Estimates, words: str, value: float) -> bool:
     return "{} s)" in words and not step / 10 < value < max(rec.duration for rec in records)
 
 
-def _part_of_a_step(fit: Estimates, other: Estimates) -> bool:
+def _part_of_a_step(fit: Estimates, other: Estimates, late: float) -> bool:
     """Whether a delay is far less than a sample and leaves more than the noise: of something else."""
     step = max(rec.dt or rec.duration / rec.intervals for rec in fit.records or ())
-    return other[EXTRA] < step / 2 and not level_p(other) > ENOUGH
+    return late < step / 2 and not level_p(other) > ENOUGH
 
 
 def convincing(fit: Estimates, cure: Cure) -> bool:

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
-from itertools import chain, count
+from itertools import chain, combinations, count
 from typing import Any
 
+from ..base.names import listed
 from ..equations.equation import Equation
+from ..equations.layout import layout_of
 from ..equations.matrices import state_of
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
+from ..records.forms import forms_of
 from .estimates import Estimates
 from .worth import Key
 
@@ -20,6 +23,7 @@ __all__ = ["EXTRA", "neighbours", "unused", "with_offset"]
 
 EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
+LATEST = 12  # samples of an input that acts late, where its delay is no parameter
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
 
@@ -137,7 +141,37 @@ def _shifts(fit: Estimates, model: Equation) -> Changed:
         )  # fmt: skip
     for u in model.inputs:
         words = f"a delay of {u}, {u}(t - h) with h = mf.Free(min=0, max=...) (h = {{}} s)"
-        yield from _tried(words, model, _replaced(model, u, f"{u}(t - {EXTRA})"), _delay(fit), ("late", u))
+        text = _replaced(model, u, f"{u}(t - {EXTRA})")
+        free = [own for own in _tried(words, model, text, _delay(fit), ("late", u)) if _has_form(fit, own[1])]
+        yield from free or _known_delays(fit, model, u)
+    if len(model.inputs) > 1:  # a computer, or the sensor, is late for all of them
+        texts = list(model.texts)
+        for u in model.inputs:
+            texts = [_replaced_in(own, u, f"{u}(t - {EXTRA})") for own in texts]
+        words = f"a delay of {listed(list(model.inputs))}, {', '.join(f'{u}(t - h)' for u in model.inputs)}"
+        yield from _tried(f"{words} with h = mf.Free(min=0, max=...) (h = {{}} s)", model, texts, _delay(fit))
+
+
+def _has_form(fit: Estimates, model: Equation) -> bool:
+    """Whether a delay that is a parameter stands in no product with other channels."""
+    try:
+        layout_of(model, fit.options, fit.outputs, fit.inputs, forms_of(fit.records or ()))
+    except ModfunError:
+        return False
+    return True
+
+
+def _known_delays(fit: Estimates, model: Equation, u: str) -> Changed:
+    """Delays of whole samples, where an input stands in products, in which a free one has no form."""
+    steps = {rec.dt or 0.0 for rec in fit.records or ()}
+    step = min(steps, default=0.0)
+    for k in range(1, LATEST + 1) if len(steps) == 1 and step else ():
+        late = f"{u}(t - {k * step:.12g})"
+        try:
+            made = model._like(text=_replaced(model, u, late))
+        except ModfunError:
+            return
+        yield f"a delay of {u}, {u}(t - {k * step:.4g})", made, ("late", u)
 
 
 def _offsets(model: Equation) -> Changed:
@@ -151,6 +185,8 @@ def _offsets(model: Equation) -> Changed:
 def _terms(model: Equation) -> Changed:
     terms = [f"{x}{prime}" for prime in ("", "'") for x in (*model.inputs, *model.outputs)]
     terms += [f"{x}**{power}" for power in (2, 3) for x in (*model.outputs, *model.inputs)]
+    if len(model.texts) == 1 or not model.linear:
+        terms += _products(model)
     for k in range(len(model.texts)):
         where = f" in equation {k + 1}" if len(model.texts) > 1 else ""
         higher = [_next_derivative(y, model.texts[k]) for y in model.outputs]
@@ -158,6 +194,14 @@ def _terms(model: Equation) -> Changed:
             texts = [f"{own} + {EXTRA}*{term}" if i == k else own for i, own in enumerate(model.texts)]
             words, key = f"a term in {term}{where} (coefficient {{}})", ("term", str(k), term)
             yield from _tried(words, model, texts, Free(), key)
+
+
+def _products(model: Equation) -> list[str]:
+    """What makes equations of machines and populations nonlinear, besides powers."""
+    found = [f"{x}*{z}" for x, z in combinations((*model.outputs, *model.inputs), 2) if x in model.outputs]
+    for y in model.outputs:
+        found += [f"{y}*abs({y})", f"{y}*{y}'", f"{y}**2*{y}'", f"sin({y})"]
+    return found
 
 
 def _pairs(model: Equation) -> Changed:
@@ -208,4 +252,8 @@ def _tried(
 
 def _replaced(model: Equation, name: str, text: str) -> list[str]:
     """The texts with a signal replaced, its primes kept: (y - c)'' of y''."""
-    return [re.sub(rf"(?<![\w.]){re.escape(name)}(?!\w)(?!\()", text, own) for own in model.texts]
+    return [_replaced_in(own, name, text) for own in model.texts]
+
+
+def _replaced_in(own: str, name: str, text: str) -> str:
+    return re.sub(rf"(?<![\w.]){re.escape(name)}(?!\w)(?!\()", text, own)

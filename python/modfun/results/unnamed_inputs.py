@@ -73,8 +73,20 @@ def _with_one_more(model: Any, rec: Record) -> Iterator[tuple[str, Any]]:
                 d = [[*row, 0] for row in model.D]
                 yield name, model._like(B=b, D=d, inputs=[*model.inputs, name], delay=[*model.delay, 0.0])
             elif isinstance(model, Equation):
-                texts = [f"{own} + {EXTRA}{i}*{name}" for i, own in enumerate(model.texts)]
-                params = {**dict(model.params), **{f"{EXTRA}{i}": Free() for i in range(len(texts))}}
-                yield name, model._like(text=texts, inputs=[*model.inputs, name], params=params)
+                extra = {f"{EXTRA}{i}": Free() for i in range(len(model.texts))}
+                params, inputs = {**dict(model.params), **extra}, [*model.inputs, name]
+                for beside in _beside(model):
+                    texts = [
+                        f"{own} + {factor}*{name}{times}"
+                        for own, factor, times in zip(model.texts, extra, beside, strict=True)
+                    ]
+                    yield name, model._like(text=texts, inputs=inputs, params=params)
         except ModfunError:  # a channel with the name of a parameter, say
             continue
+
+
+def _beside(model: Equation) -> Iterator[list[str]]:
+    """What an input may stand beside in each equation: nothing, or the output, as a harvest by its prey."""
+    yield [""] * len(model.texts)
+    if not model.linear and len(model.texts) == len(model.outputs):
+        yield [f"*{y}" for y in model.outputs]
