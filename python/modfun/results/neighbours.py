@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from itertools import chain, combinations, count
 from typing import Any
 
+from .._core import sharpest
 from ..base.names import listed
 from ..equations.equation import Equation
 from ..equations.layout import layout_of
@@ -24,6 +25,7 @@ __all__ = ["EXTRA", "neighbours", "unused", "with_offset"]
 EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
 LATEST = 12  # samples of an input that acts late, where its delay is no parameter
+SPIKE = 10.0  # times the mean fourth difference: a sample that stands out
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
 
@@ -41,7 +43,7 @@ def neighbours(fit: Estimates) -> tuple[Changed, ...]:
         return ()
     if isinstance(model, StateSpace):
         return _instruments(fit, model), _entries(model)
-    return chain(_shifts(fit, model), _offsets(model)), _terms(model), _pairs(model)
+    return chain(_shifts(fit, model), _offsets(model)), _terms(fit, model), _pairs(model)
 
 
 def _late(fit: Estimates) -> Free:
@@ -182,11 +184,11 @@ def _offsets(model: Equation) -> Changed:
             yield f"an offset of {x}, ({x} - {name}) in its place ({name} = {{}})", structure, key
 
 
-def _terms(model: Equation) -> Changed:
+def _terms(fit: Estimates, model: Equation) -> Changed:
     terms = [f"{x}{prime}" for prime in ("", "'") for x in (*model.inputs, *model.outputs)]
     terms += [f"{x}**{power}" for power in (2, 3) for x in (*model.outputs, *model.inputs)]
     if len(model.texts) == 1 or not model.linear:
-        terms += _products(model)
+        terms += _products(fit, model)
     for k in range(len(model.texts)):
         where = f" in equation {k + 1}" if len(model.texts) > 1 else ""
         higher = [_next_derivative(y, model.texts[k]) for y in model.outputs]
@@ -196,8 +198,13 @@ def _terms(model: Equation) -> Changed:
             yield from _tried(words, model, texts, Free(), key)
 
 
-def _products(model: Equation) -> list[str]:
-    """What makes equations of machines and populations nonlinear, besides powers."""
+def _products(fit: Estimates, model: Equation) -> list[str]:
+    """What makes equations of machines and populations nonlinear, besides powers.
+
+    None where single samples stand out, as a sine that bounds them would explain these.
+    """
+    if any(sharpest(rec.y) > SPIKE for rec in fit.records or ()):
+        return []
     found = [f"{x}*{z}" for x, z in combinations((*model.outputs, *model.inputs), 2) if x in model.outputs]
     for y in model.outputs:
         found += [f"{y}*abs({y})", f"{y}*{y}'", f"{y}**2*{y}'", f"sin({y})"]
