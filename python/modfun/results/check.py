@@ -9,10 +9,10 @@ import numpy as np
 from ..base.cached import kept
 from ..base.tables import Findings
 from .band_end import beyond
-from .cures import again
+from .cures import ENOUGH, again, best_cure, convincing
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
-from .diagnosis import diagnose
+from .diagnosis import diagnose, growth
 from .doubts import (
     SURE,
     Doubt,
@@ -140,6 +140,8 @@ def fed_back(fit: Estimates) -> Doubt | None:
     if found is None or found.p_value > UNLIKELY or not found.bias > BIASED:
         return None
     u, y = found.channel, found.output
+    if growth(fit) > 0 and _settled(fit, y, u):
+        return None  # residuals of an unstable model spread in time, and hold later inputs
     if found.regulates:
         text = (
             f"{u} does nothing but answer {y}, as a controller does whose command stands still (p = "
@@ -152,6 +154,12 @@ def fed_back(fit: Estimates) -> Doubt | None:
         f"biases the estimates by about {found.bias:.2g} standard errors. {_by_command(fit, u)}",
         sure=found.p_value < SURE and found.least > BIASED,
     )
+
+
+def _settled(fit: Estimates, y: str, u: str) -> bool:
+    """Whether a structure next to the fitted one leaves the noise alone."""
+    cure = best_cure(fit, fit.outputs.index(y), u)
+    return cure is not None and cure.level_p > ENOUGH and convincing(fit, cure)
 
 
 def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:

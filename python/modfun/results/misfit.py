@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, isnan
+from math import isnan, log10
 
 from .._core import sharpest
 from ..base.between import MIXED
@@ -51,6 +51,7 @@ SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only 
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 AMPLIFIED = 3.0  # ratio of noise levels beyond which products of derivatives have bent estimates
 LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
+FIRST = 1e9  # of BIC: above what any cure lowers it by
 DRIVES = "seems to drive the equations"
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
@@ -113,8 +114,8 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         likely = high and one.what in ("response", "drift") and one.p_value < PLAUSIBLE
         if sure or likely or (spoken and not sure_only):
             said += _further(fit, one, sure, spoken)
-    if high and not fit.inputs:
-        said += _of_free_motion(fit)
+    if high and not any(doubt.sure for doubt, _ in said):
+        said += _of_structure(fit)
     seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
     if d.chi2_p < _plausible(fit) or (isnan(d.chi2_p) and seen):
         products = _of_products(fit, d)
@@ -280,16 +281,23 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         text = f"The residuals of {y} follow {one.channel} ({chance}), and a slow drift explains that."
     settled = cure.level_p > UNLIKELY > SURE > level_p(fit)
     text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
-    fallen = inf if settled else cure.before - cure.after  # nothing is left for others to explain
+    fallen = cure.before - cure.after
+    if settled:  # nothing is left for others to explain; of several the surest
+        fallen = FIRST - log10(max(one.p_value, 1e-300))
     return [(Doubt(text, sure or settled), fallen)] if spoken or settled else []
 
 
-def _of_free_motion(fit: Estimates) -> list[tuple[Doubt, float]]:
-    """That more poles bring the residuals of free motion down to the noise."""
+def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
+    """That another structure brings residuals down to the noise, which no test of them has shown.
+
+    Free motion has no response to test, and a sharp mode is like none of the smooth ones that are tested.
+    """
     found = []
     for i, y in enumerate(fit.outputs):
-        cure = best_cure(fit, i, None)
-        if cure is not None and cure.level_p > UNLIKELY:
+        cures = [best_cure(fit, i, channel) for channel in fit.inputs or (None,)]
+        settled = [cure for cure in cures if cure is not None and cure.level_p > UNLIKELY]
+        if settled:
+            cure = min(settled, key=lambda cure: cure.after)
             text = (
                 f"The residuals of {y} are far above the noise of the high band. First try {cure.words}: BIC "
                 f"falls from {cure.before:.4g} to {cure.after:.4g}."

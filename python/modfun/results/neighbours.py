@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from itertools import chain, combinations, count
 from typing import Any
 
+import numpy as np
+
 from .._core import sharpest
 from ..base.names import listed
 from ..equations.equation import Equation
@@ -25,6 +27,7 @@ __all__ = ["EXTRA", "neighbours", "unused", "with_offset"]
 EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
 LATEST = 12  # samples of an input that acts late, where its delay is no parameter
+BENDS = 1.0  # rad: below, a sine is a line and a cube
 SPIKE = 10.0  # times the mean fourth difference: a sample that stands out
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
@@ -207,7 +210,9 @@ def _products(fit: Estimates, model: Equation) -> list[str]:
         return []
     found = [f"{x}*{z}" for x, z in combinations((*model.outputs, *model.inputs), 2) if x in model.outputs]
     for y in model.outputs:
-        found += [f"{y}*abs({y})", f"{y}*{y}'", f"{y}**2*{y}'", f"sin({y})"]
+        found += [f"{y}*abs({y})", f"{y}*{y}'", f"{y}**2*{y}'"]
+        if any(np.abs(rec[y]).max() > BENDS for rec in fit.records or ()):
+            found.append(f"sin({y})")
     return found
 
 
