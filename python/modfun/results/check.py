@@ -140,7 +140,7 @@ def fed_back(fit: Estimates) -> Doubt | None:
     if found is None or found.p_value > UNLIKELY or not found.bias > BIASED:
         return None
     u, y = found.channel, found.output
-    if growth(fit) > 0 and _settled(fit, y, u):
+    if not found.regulates and growth(fit) > 0 and _settled(fit, y, u):
         return None  # residuals of an unstable model spread in time, and hold later inputs
     if found.regulates:
         text = (

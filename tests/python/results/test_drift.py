@@ -47,10 +47,9 @@ def test_a_drift_of_a_fifth_of_the_motion_is_proposed(name):
     assert all(proposed(name, seed, 0.2) for seed in range(4))
 
 
-@pytest.mark.parametrize("seed", [4, 7, 8])
-def test_a_drift_that_may_be_steep_noise_is_proposed_by_bic(seed):
-    """In a sixth of such records tests leave a drift open; nothing was said, though BIC falls by 90."""
-    fit = mf.fit(record(seed, 0.2).select(outputs=["q"]), RATIONAL)
+def test_a_drift_that_may_be_steep_noise_is_proposed_by_bic():
+    """Of 30 records with a drift of 0.08 standard deviations tests find 18, and leave this one open."""
+    fit = mf.fit(record(8, 0.08).select(outputs=["q"]), RATIONAL)
     (said,) = [text for text in fit.check() if "A slow drift beside the constant" in text]
     before, after = (float(part.split()[0].rstrip(".")) for part in said.split("from ")[1].split(" to "))
     assert before == pytest.approx(fit.bic, abs=0.1)
