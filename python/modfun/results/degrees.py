@@ -62,9 +62,8 @@ def _undeclared(fit: Estimates, angles: dict[str, str]) -> Doubt | None:
     follows the noise.
     """
     records = fit.records or ()
-    tops = {
-        name: max(np.abs(rec[name]).max() for rec in records if name in rec) for name in angles if records
-    }
+    measured = [name for name in angles if records and all(name in rec for rec in records)]
+    tops = {name: max(np.abs(rec[name]).max() for rec in records) for name in measured}
     names = [name for name, top in tops.items() if top > TURN]
     if not names or fit.again is None:
         return None
