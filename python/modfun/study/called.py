@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import reduce
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -27,7 +27,7 @@ from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.lti import LTI
 from .contenders import Contender
-from .functions import Failed, attempt, generator, number, parameters
+from .functions import Failed, attempt, generator, number, own_errors, parameters
 from .generated import Generated
 from .groups import Group
 from .plan import Plan
@@ -152,6 +152,8 @@ class _Cell:
             own = [answer.param_names.index(name) for name in self.names]
             degrees = np.broadcast_to(answer.degrees, answer.bse.shape)
             self._cover(np.array([row]), answer.bse[None, own], degrees[own])
+        else:
+            self._cover(np.array([row]), own_errors(answer, self.names)[None], inf)
         if not np.all(np.isfinite(self.theta[row])) and self.status[row] < USED:
             self.status[row] = STATUS.index("nonfinite")
             if not isinstance(answer, Fit):

@@ -19,7 +19,17 @@ from ..errors import SpecError
 from ..records.record import Record
 from ..results.fit import Fit
 
-__all__ = ["Failed", "attempt", "generator", "number", "parameters", "record", "refuse_unlike", "series"]
+__all__ = [
+    "Failed",
+    "attempt",
+    "generator",
+    "number",
+    "own_errors",
+    "parameters",
+    "record",
+    "refuse_unlike",
+    "series",
+]
 
 PURPOSES = ("estimator", "noise", "initial_state", "generate")
 LONGEST = 2000  # characters kept of one exception
@@ -166,6 +176,13 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
             f"{', '.join(names)}, or a Fit"
         )
     return theta
+
+
+def own_errors(answer: Any, names: tuple[str, ...]) -> F64:
+    """Standard errors that an estimator returned beside its parameters, as a1_se; nan where it did not."""
+    given = answer if isinstance(answer, Mapping) else {}
+    found = _real([given.get(f"{name}_se", np.nan) for name in names])
+    return np.full(len(names), np.nan) if found is None or found.shape != (len(names),) else found
 
 
 def _real(value: Any) -> F64 | None:

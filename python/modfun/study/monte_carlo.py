@@ -97,8 +97,9 @@ class MonteCarlo:
     estimators : list of str, or dict of name to str, Estimator or callable
         Methods of `fit` ("ls", "wls", "awls", "ml"); or by name methods, Estimators, rivals, or functions
         ``mine(record, rng)`` that return a dict of parameters, an array of them in the order of
-        `TransferFunction.param_names` (of `truth`, where there is no structure), or a Fit. Only a Fit has
-        standard errors: the coverage of other answers is nan.
+        `TransferFunction.param_names` (of `truth`, where there is no structure), or a Fit. Coverage
+        is that of a Fit's intervals, or of a dict with standard errors, "a1_se" beside "a1", of value ± 1.96
+        of these; that of other answers is nan.
     metrics : dict of str to callable, optional
         ``metric(fit, record)`` returns a number that is summed up in `Results.metrics`; fit is a Fit, or
         what a function of yours returned. Every fit is then made in Python, at tens of microseconds.
