@@ -16,6 +16,7 @@ from ...errors import SpecError
 from ...models.free import Free
 from .compiled import Compiled, Delayed, Term, jet, time
 from .noise_bias import unbiased
+from .sides import side, sided
 from .smoothing import smoothed
 from .tape import tape
 from .times import Times, moved
@@ -44,7 +45,8 @@ class Channel:
         Stands for it in the formulas.
     kind : str
         "output", "log" (of an output), "smooth" (a derivative of a smoothed expression), "gain" (of the noise
-        in it), "input", "held" (its mean over both sides of a sample where it is held), "time", "known".
+        in it), "input", "held" (its mean over both sides of a sample where it is held), "time", "known",
+        "side" (the sign that an expression of the others has in a record).
     of : object
         Position of the channel, or (expression, derivative), or a known function.
     late : float
@@ -65,7 +67,7 @@ class Channel:
     @property
     def own(self) -> bool:
         """Whether it differs from record to record though the inputs do not."""
-        return self.kind in ("output", "log", "smooth", "gain")
+        return self.kind in ("output", "log", "smooth", "gain", "side")
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +121,10 @@ class Formulas:
         if channel.kind == "known":
             given = channel.of
             return np.asarray(given(t) if callable(given) else given, dtype=float)
+        if channel.kind == "side":
+            inside = [c for c in self.channels if c.symbol in channel.of.free_symbols]
+            rows = {c.symbol: self._late_row(c, y, u, t, record) for c in inside}
+            return np.full(t.size, side(channel.of, rows))
         row = u[channel.of]
         if channel.kind == "held" and of_record(channel.held, record):
             return np.concatenate([row[:1], (row[:-1] + row[1:]) / 2])
@@ -142,6 +148,8 @@ class Formulas:
             if whole or not inner.free_symbols or not inner.free_symbols <= set(given):
                 continue
             rows = self.rows(y, u, t)
+            sides = [k for k, c in enumerate(self.channels) if c.kind == "side"]
+            one, inner = (e.xreplace({given[k]: int(rows[k, 0]) for k in sides}) for e in (one, inner))
             plain = [sympy.Dummy() for _ in given]
             found = sympy.lambdify(plain, inner.xreplace(dict(zip(given, plain, strict=True))), "numpy")
             values = np.broadcast_to(np.asarray(found(*rows), dtype=float), t.shape)
@@ -390,9 +398,6 @@ class _Writer:
         # An input whose noise has several spectra stands there as often; each has it as its slope.
         distinct = dict(zip(dict.fromkeys(self.noisy), self.noise, strict=True))
         noise = [distinct[name] for name in self.noisy]
-        symbols = [c.symbol for c in channels]
-        pairs = [self.common.get(both, sympy.Dummy()) for both in combinations(noise, 2)]
-        inputs = [*symbols, *[self.noise[c] for c in noise], *pairs, *parameters]
         results = [expr for expr, _, _ in self.signals]
         sensitivities = []
         for at, found in enumerate(self.sensitive):
@@ -400,6 +405,12 @@ class _Writer:
                 if channel in found:
                     sensitivities.append((at, k))
                     results.append(found[channel])
+        own = {c.symbol for c in channels if c.own}
+        results, sides = sided(results, compiled, {c.symbol for c in channels}, own)
+        channels = (*channels, *(Channel(symbol, "side", of) for symbol, of in sides.items()))
+        symbols = [c.symbol for c in channels]
+        pairs = [self.common.get(both, sympy.Dummy()) for both in combinations(noise, 2)]
+        inputs = [*symbols, *[self.noise[c] for c in noise], *pairs, *parameters]
         slopes, derivatives = [], []
         for at, g in enumerate(self.coefficients):
             for k, parameter in enumerate(parameters):
