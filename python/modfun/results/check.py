@@ -217,6 +217,7 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
     fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
+    twin,
 )  # fmt: skip
 
 
@@ -269,7 +270,6 @@ def check(fit: Estimates, line: str) -> Findings:
         found += [
             biased(fit),
             minima(fit),
-            twin(fit),
             few_samples(fit),
             flips(fit),
             in_hertz(fit),

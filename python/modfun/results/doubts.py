@@ -58,6 +58,7 @@ VISIBLE, CERTAIN = math.log(1000.0), 4.0
 # Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
 # nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
 LITTLE = 0.5
+EXCHANGED = 2.0  # standard errors between two sets of parameters with the same equations
 CURVED = 0.5  # second differences over first ones, of signals that noise moves by a standard deviation
 
 
@@ -96,7 +97,8 @@ def twin(fit: Estimates) -> Doubt | None:
     from ..equations.symbolic.twins import twins
 
     layout: Any = fit.layout  # that of equations
-    found = twins(layout.compiled, fit.params)
+    compiled = layout.compiled
+    found = twins(compiled, fit.params)
     if not found:
         return None
     sets = []
@@ -104,12 +106,35 @@ def twin(fit: Estimates) -> Doubt | None:
         moved = np.abs(other - fit.params) > 1e-3 * np.abs(fit.params)
         names = [f"{n} = {x:.4g}" for n, x, on in zip(fit.param_names, other, moved, strict=True) if on]
         sets.append(listed(names))
-    name = fit.param_names[int(np.argmax(np.abs(found[0] - fit.params) / np.abs(fit.params)))]
-    return Doubt(
-        f"With {'; or with '.join(sets)} the equations are the same: no record tells these parameters from "
-        f"the estimates. To choose, bound one: params={{{name!r}: mf.Free(start, min=..., max=...)}}.",
-        sure=False,
+    k = int(np.argmax(np.abs(found[0] - fit.params) / np.abs(fit.params)))
+    name, here, there = fit.param_names[k], fit.params[k], found[0][k]
+    ways = ("min", "max") if here > there else ("max", "min")
+    middle = (here + there) / 2
+    keeps, takes = (
+        f"mf.Free({x:.4g}, {way}={middle:.4g})" for x, way in zip((here, there), ways, strict=True)
     )
+    more = f"; or measure {' or '.join(compiled.hidden)}" if compiled.hidden else ""
+    return Doubt(
+        f"With {'; or with '.join(sets)} the equations are the same: no record of {listed(fit.outputs)} "
+        f"tells these parameters from the estimates. To choose, bound one: params={{{name!r}: {keeps}}} "
+        f"keeps the estimates, {takes} takes {'those' if len(found) == 1 else 'the first of those'}{more}.",
+        sure=any(_open(fit, other) for other in found),
+    )
+
+
+def _open(fit: Estimates, other: NDArray[np.float64]) -> bool:
+    """Whether nothing that the user knows speaks against other parameters with the same equations."""
+    apart = other - fit.params
+    known = isinstance(fit.options.initial_state, str) and np.all(other * fit.params > 0)
+    if not known or not np.any(np.abs(apart) > EXCHANGED * fit.bse):
+        return False
+    layout: Any = fit.layout
+    nearer = 0.0  # the estimates to the starts than the others are
+    for name, own, by in zip(fit.param_names, fit.params, apart, strict=True):
+        given = layout.compiled.free.get(name)
+        if given is not None and given.start is not None and abs(by) > 1e-3 * abs(own):
+            nearer += ((own + by - given.start) ** 2 - (own - given.start) ** 2) / by**2
+    return nearer <= 0.0
 
 
 def noise_bends(fit: Estimates) -> Doubt | None:

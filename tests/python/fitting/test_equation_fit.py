@@ -497,6 +497,7 @@ except ImportError as error:
 
 
 @pytest.mark.filterwarnings("ignore:fit. Part of the response is missing")  # two of the models are others
+@pytest.mark.filterwarnings("ignore:fit. With T = .* the equations are the same")  # as it should
 def test_another_set_of_parameters_with_the_same_equation_is_named():
     """T y'' + (1 + T b) y' + b y is the same for T and 1/b exchanged."""
 
