@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .cures import ENOUGH, again
 from .diagnosis import level_p
-from .doubts import SURE, Doubt
+from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
 
 __all__ = ["swapped"]
@@ -17,7 +17,11 @@ def swapped(fit: Estimates) -> Doubt | None:
     if not (fit.layout.rational and len(fit.outputs) == len(fit.inputs) == 1) or not level_p(fit) < SURE:
         return None
     records, (y,), (u,) = fit.records or (), fit.outputs, fit.inputs
-    if fit.again is None or any(rec.mask is not None or rec.sigma is not None for rec in records):
+    if (
+        fit.again is None
+        or noise_free(fit)
+        or any(rec.mask is not None or rec.sigma is not None for rec in records)
+    ):
         return None
     turned = tuple([rec._like(y=rec.u, u=rec.y, outputs=(u,), inputs=(y,)) for rec in records])
     options = fit.options.replace(band=None, harmonics=None)
