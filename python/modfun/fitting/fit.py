@@ -351,7 +351,7 @@ def fit_many(
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
     alone = past or fits_alone(read, structure, checked) or _bends(read, structure, checked)
-    alone = alone or _signs_open(read, structure)
+    alone = alone or _signs_open(read, structure, checked)
     if not alone and (isinstance(read, Batch) or _alike(read)):
         return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
     return fit_each(read, structure, checked, fit_whole, progress, notes)
@@ -366,9 +366,9 @@ def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -
     )
 
 
-def _signs_open(data: Batch | tuple[Record, ...], structure: Any) -> bool:
+def _signs_open(data: Batch | tuple[Record, ...], structure: Any, options: Options) -> bool:
     """Whether equations leave signs open, which each record by itself tells."""
-    if isinstance(structure, TransferFunction):
+    if isinstance(structure, TransferFunction) or options.drives:
         return False
     own = data if isinstance(data, Batch) else structure.own_channels(data[0])
     return signs_open(structure, own.outputs, own.inputs)

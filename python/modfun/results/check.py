@@ -79,7 +79,7 @@ def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state
     if isinstance(start, str) and start == "unknown":
-        return _lost(fit) or fit.message
+        return _lost(fit) or _driven(fit) or fit.message
     ends = ""
     if fit.again is not None and fit.records:
         free = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
@@ -88,6 +88,20 @@ def _message(fit: Estimates) -> str:
         ends = ", with which the search ends"
     said = repr(start) if isinstance(start, str) else "..."
     return f'First try initial_state="unknown"{ends}: the record may not begin as {said} says. {fit.message}'
+
+
+def _driven(fit: Estimates) -> str:
+    """That the search for linear equations ends where noise may drive them; "" where it does not."""
+    plain = fit.options.noise == "output" and fit.again is not None and bool(fit.records)
+    if fit.layout.rational or not plain or not getattr(fit.structure, "linear", True):
+        return ""
+    other = again(fit, fit.records, fit.structure, fit.options.replace(noise="process"))
+    if other is None or not other.success:
+        return ""
+    return (
+        f'{fit.message} First try noise="process", with which the search ends: turbulence may drive '
+        "the system."
+    )
 
 
 def _lost(fit: Estimates) -> str:

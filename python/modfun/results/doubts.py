@@ -223,10 +223,12 @@ def unstable(fit: Estimates) -> Doubt | None:
         return None
     longest = 2 * math.pi / min(fit.omega0)
     doubtful = fit.layout.rational and growing * longest > VISIBLE and growing < CERTAIN * _growth_error(fit)
+    cure = f"try another number of poles, select_order{_stable_words(fit)}"
+    if not fit.layout.rational:
+        cure = "look for a term, a sign or a unit that is wrong"
     return Doubt(
         f"The estimate is unstable: a pole has real part {growing:.4g} rad/s (time to double "
-        f"{math.log(2) / growing:.3g} s). This is right for an unstable system; otherwise first try "
-        f"another number of poles, select_order{_stable_words(fit)}.",
+        f"{math.log(2) / growing:.3g} s). This is right for an unstable system; otherwise first {cure}.",
         doubtful,
     )
 

@@ -20,7 +20,19 @@ from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.options import Options
-from .cures import CLOSE, ENOUGH, WORTH, Cure, Realigned, again, bic_beside, convincing, likely_cure, on_band
+from .cures import (
+    CLOSE,
+    ENOUGH,
+    WORTH,
+    Cure,
+    Realigned,
+    again,
+    bic_beside,
+    convincing,
+    likely_cure,
+    on_band,
+    realigned,
+)
 from .diagnosis import level_p
 from .doubts import Doubt
 from .estimates import Estimates
@@ -46,8 +58,6 @@ UNITS: tuple[Unit, ...] = (
     (GRAVITY, "in m/s² and not in g"),
     (1 / 0.3048, "in feet and not in metres"),
     (0.3048, "in metres and not in feet"),
-    (1 / 0.5144, "in knots and not in m/s"),
-    (0.5144, "in m/s and not in knots"),
 )
 OF_FORCES = UNITS[2:6]  # what accelerations may be in
 OF_ANGLES = UNITS[:2]  # the same of channels whose unit is an angle, or one of rates of turn
@@ -179,7 +189,7 @@ def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | No
     falls = worth(fit) if fit.usable else {}
     others = [fall for key, fall in falls.items() if key[0] in ("shift", "drift")]
     alone = falls.get(("numbers",), -inf) > max(others, default=inf) + WORTH
-    beside = likely_cure(fit) if fit.usable and not alone else None
+    beside = (realigned(fit) if alone else likely_cure(fit)) if fit.usable else None
     # A time that all samples share is likelier than a scale factor that looks like it.
     if beside is not None and beside.after < after + CLOSE * isinstance(beside, Realigned):
         return None
@@ -322,9 +332,7 @@ def _size(number: Number, scales: Mapping[str, float]) -> float:
 
 def unit_of(factor: float, units: Sequence[tuple[float, str]] = UNITS) -> tuple[float, str] | None:
     """The size and words of a unit."""
-    # Knots are close to two or a half, which are no unit: such a factor is that of a time step, say.
-    near = {size: min(NEAR, abs(log(size / 2)) / 2, abs(log(size * 2)) / 2) for size, _ in units}
-    return next((unit for unit in units if abs(log(abs(factor) / unit[0])) < near[unit[0]]), None)
+    return next((unit for unit in units if abs(log(abs(factor) / unit[0])) < NEAR), None)
 
 
 def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers: Sequence[Number]) -> str:

@@ -12,7 +12,7 @@ from ..base.cached import kept
 from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
 from ..records.record import Record
-from .cures import CLOSE, ENOUGH, Cure, again, bic_beside, on_band
+from .cures import CLOSE, ENOUGH, Cure, again, bic_beside, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
@@ -59,6 +59,10 @@ def in_other_units(fit: Estimates) -> Doubt | None:
         return None
     cure = _best(fit)
     if cure is None:
+        return None
+    # A sensor off the reference point is likelier than channels in units that leave more than the noise.
+    beside = likely_cure(fit) if fit.usable and not cure.level_p > ENOUGH else None
+    if beside is not None and beside.after < cure.after + CLOSE:
         return None
     fallen = f": BIC falls from {cure.before:.4g} to {cure.after:.4g}" if cure.before < inf else ""
     return Doubt(f"{cure.words}{fallen}.")

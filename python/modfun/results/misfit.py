@@ -51,6 +51,7 @@ SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only 
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 AMPLIFIED = 3.0  # ratio of noise levels beyond which products of derivatives have bent estimates
 LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
+UNSPOKEN = 20.0  # of BIC: what leaves no doubt though no test has shown it; uneven noise made 11
 FIRST = 1e9  # of BIC: above what any cure lowers it by
 DRIVES = "seems to drive the equations"
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
@@ -279,9 +280,9 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         return [(Doubt(text, sure), 0.0)] if spoken else []
     if cure.words == DRIFT:
         text = f"The residuals of {y} follow {one.channel} ({chance}), and a slow drift explains that."
-    settled = cure.level_p > UNLIKELY > SURE > level_p(fit)
-    text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
     fallen = cure.before - cure.after
+    settled = cure.level_p > UNLIKELY > SURE > level_p(fit) and (spoken or fallen > UNSPOKEN)
+    text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
     if settled:  # nothing is left for others to explain; of several the surest
         fallen = FIRST - log10(max(one.p_value, 1e-300))
     return [(Doubt(text, sure or settled), fallen)] if spoken or settled else []
@@ -296,6 +297,7 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
     for i, y in enumerate(fit.outputs):
         cures = [best_cure(fit, i, channel) for channel in fit.inputs or (None,)]
         settled = [cure for cure in cures if cure is not None and cure.level_p > UNLIKELY]
+        settled = [cure for cure in settled if cure.before - cure.after > UNSPOKEN]
         if settled:
             cure = min(settled, key=lambda cure: cure.after)
             text = (
@@ -419,7 +421,7 @@ def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
             f"({chance}). First leave it out, rec.weigh(mask=rec.t != t), or weight all samples, robust=True."
         )
     return (
-        f"Something short at about t = {one.time:.4g} s is in {y} and not in the model ({chance}). First "
+        f"Something short at about t = {one.time:.6g} s is in {y} and not in the model ({chance}). First "
         "look there, fit.plot_response(), for a gust, a step of another input, a fault, or records joined "
         "end to end."
     )

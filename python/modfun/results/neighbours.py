@@ -28,6 +28,7 @@ EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
 LATEST = 12  # samples of an input that acts late, where its delay is no parameter
 BENDS = 1.0  # rad: below, a sine is a line and a cube
+ABOUT = 0.8  # a number that is nearly 1, as that of the yaw rate in the equation of sideslip
 SPIKE = 10.0  # times the mean fourth difference: a sample that stands out
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
@@ -77,7 +78,8 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
     for i, y in enumerate(model.outputs):
         if state_of(model.C[i], model.D[i]) is not None:
             continue  # a measured state is no accelerometer
-        for j, x in enumerate(model.states):
+        for j in _rates(model):
+            x = model.states[j]
             c, d = ([list(row) for row in matrix] for matrix in (model.C, model.D))
             c[i] = [_plus(own, f"{EXTRA}*({a})") for own, a in zip(c[i], model.A[j], strict=True)]
             d[i] = [_plus(own, f"{EXTRA}*({b})") for own, b in zip(d[i], model.B[j], strict=True)]
@@ -85,6 +87,24 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
                 f"lever*{x}' in the output {y} (lever = {{}}), as of a sensor away from the reference point"
             )
             yield words, model._like(C=c, D=d, params=_more(model, Free())), ()
+
+
+def _rates(model: StateSpace) -> list[int]:
+    """States that are the rate of another one, by a number near 1 in its equation; all where none is.
+
+    Sensors feel angular accelerations times their lever. With any other derivative an accelerometer does the
+    same to the record, and estimates are of another aircraft.
+    """
+    found = [
+        j
+        for j in range(len(model.states))
+        if any(_near_one(own[j]) for i, own in enumerate(model.A) if i != j)
+    ]
+    return found or list(range(len(model.states)))
+
+
+def _near_one(entry: Any) -> bool:
+    return isinstance(entry, int | float) and ABOUT < abs(entry) < 1 / ABOUT
 
 
 def _entries(model: StateSpace) -> Changed:
