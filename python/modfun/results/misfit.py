@@ -115,7 +115,8 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         likely = high and one.what in ("response", "drift") and one.p_value < PLAUSIBLE
         if sure or likely or (spoken and not sure_only):
             said += _further(fit, one, sure, spoken)
-    if high and not any(doubt.sure for doubt, _ in said):
+    told = isinstance(fit.options.noise, Noise)  # wrongly, perhaps
+    if high and not told and not any(doubt.sure for doubt, _ in said):
         said += _of_structure(fit)
     seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
     if d.chi2_p < _plausible(fit) or (isnan(d.chi2_p) and seen):
@@ -280,6 +281,8 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         return [(Doubt(text, sure), 0.0)] if spoken else []
     if cure.words == DRIFT:
         text = f"The residuals of {y} follow {one.channel} ({chance}), and a slow drift explains that."
+    if not spoken:
+        text = _above(y)
     fallen = cure.before - cure.after
     settled = cure.level_p > UNLIKELY > SURE > level_p(fit) and (spoken or fallen > UNSPOKEN)
     text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
@@ -301,11 +304,14 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
         if settled:
             cure = min(settled, key=lambda cure: cure.after)
             text = (
-                f"The residuals of {y} are far above the noise of the high band. First try {cure.words}: BIC "
-                f"falls from {cure.before:.4g} to {cure.after:.4g}."
+                f"{_above(y)} First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
             )
             found.append((Doubt(text), cure.before - cure.after))
     return found
+
+
+def _above(y: str) -> str:
+    return f"The residuals of {y} are far above the noise of the high band."
 
 
 def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Doubt, float]]:
