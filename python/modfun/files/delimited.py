@@ -24,7 +24,7 @@ from .writing import refuse_large, write_text
 __all__ = ["Delimited", "is_date", "numbers", "of_lines", "read_delimited", "write_delimited"]
 
 
-TRUTH = {"true": 1.0, "false": 0.0}
+TRUTH = {"true": 1.0, "false": 0.0, "good": 1.0}  # of a quality, where bad is no number
 CLOCK = re.compile(  # days (IRIG), hours, minutes, seconds, half of the day
     r"(?:(\d{1,3}):)?(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d*)?)(?:\s*([AaPp])[Mm])?"
 )

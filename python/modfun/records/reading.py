@@ -113,8 +113,8 @@ def read(
     intersample : optional
         How the inputs go between samples, as in `Record`; default: what the source says, or "auto".
     mask : str or mapping of str to str, optional
-        Column that is 1 or true where a sample of the outputs counts, 0 or false where it is left out;
-        ``{output: column}`` for some outputs only.
+        Column that is 1, true or good where a sample of the outputs counts, 0, false, bad or empty where it
+        is left out; ``{output: column}`` for some outputs only.
     sigma : str or mapping of str to str, optional
         Column of the relative noise of each sample, for all outputs or by output.
     missing : {"refuse", "mask"}, default "refuse"
@@ -205,13 +205,14 @@ def read(
         name, word = key
         table, units = _timed(table, name, units[word]), {n: u for n, u in units.items() if n != word}
         told = table.told
-    complete = [*([] if clock is None else [clock]), *into.values(), *kept.values(), *good.values()]
-    wanted = list(dict.fromkeys([*complete, *out.values(), *trust.values()]))
+    complete = [*([] if clock is None else [clock]), *into.values(), *kept.values()]
+    wanted = list(dict.fromkeys([*complete, *good.values(), *out.values(), *trust.values()]))
     for name in wanted:
         _refuse_unknown(table, name)
     if isinstance(dt, int | float) and dt > 0:
         _refuse_other_step(table, dt, wanted)
     values = table.load(wanted)
+    values |= {name: np.nan_to_num(values[name], nan=0.0) for name in {*good.values()} - {*complete}}
     may_miss = () if missing == "refuse" and not told.masked else (*out.values(), *trust.values())
     for name in wanted:
         if name in complete or name not in may_miss:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -58,7 +59,7 @@ from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
 from .unrecorded_inputs import unrecorded_input
 
-__all__ = ["check", "warnings_of"]
+__all__ = ["check", "is_quick", "warnings_of"]
 
 
 COMMAND = "r"  # of a loop, as messages name it
@@ -148,6 +149,13 @@ def one_record(fit: Estimates) -> Doubt | None:
     )
 
 
+def bounded(fit: Estimates) -> Doubt | None:
+    """That parameters ended on bounds, or why: a record of regulation holds no plant, whatever its bounds."""
+    doubt = on_bound(fit)
+    loop = feedback(fit) if doubt else None
+    return fed_back(fit) if loop and loop.regulates else doubt
+
+
 def fed_back(fit: Estimates) -> Doubt | None:
     """That the noise of the outputs comes back in the inputs, and biases the estimates."""
     found = feedback(fit)
@@ -228,7 +236,7 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
-    noise_bends, on_bound, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
+    noise_bends, bounded, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
     fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
     twin,
@@ -241,8 +249,14 @@ def warnings_of(fit: Estimates, looks: tuple[Callable[[Estimates], Doubt | None]
         return [f"fit: {_failed(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
         whole = stand_in(fit)
-        found = (look(whole) for look in looks)
+        found = (look(fit if look is stored_late else whole) for look in looks)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
+
+
+def is_quick(fit: Estimates) -> bool:
+    """Whether doubts are found while a line is printed: a delay makes each cure of an equation a search."""
+    layout: Any = fit.layout
+    return layout.rational or all(late is None for _, _, late in layout.formulas.words["signals"])
 
 
 def check(fit: Estimates, line: str) -> Findings:
@@ -252,7 +266,9 @@ def check(fit: Estimates, line: str) -> Findings:
         return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
         whole = stand_in(fit)
-        said = {look: look(whole) for look in LOOKS if look is not unexplained}
+        said = {
+            look: look(fit if look is stored_late else whole) for look in LOOKS if look is not unexplained
+        }
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())

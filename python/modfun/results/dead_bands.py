@@ -6,14 +6,17 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ..base.arrays import F64
 from ..records.check import dropped_samples, frozen_samples
 from ..records.dead_band import dead_band
+from ..records.mask import Mask
 from ..records.record import Record
 from ..records.slower import slow_samples
 from .cures import again, furthest, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
+from .stand_in import stand_in
 
 __all__ = ["stands_still", "stored_late"]
 
@@ -25,17 +28,18 @@ MOVED = 1.0  # standard errors: what a dead band may do to an estimate unsaid
 def stored_late(fit: Estimates) -> Doubt | None:
     """That an output keeps its value until it has changed by a dead band."""
     for k, rec in enumerate(fit.records or ()):
-        for name in rec.outputs:
-            if rec.mask is None and (width := dead_band(rec[name])):
+        for i, name in enumerate(rec.outputs):
+            if width := dead_band(rec[name][rec._good(name)]):
                 where = f" of record {k}" if k else ""
+                good = "" if rec.mask is None else f" & rec.mask[{i}]"
                 return Doubt(
                     f"Output {name!r}{where} keeps its value until it has changed by {width:.3g}, as a data "
                     "historian stores it, and the fit takes these values for samples. First store it without "
                     "a dead band, or draw a curve between the stored values that stays within it, k = "
-                    f"np.r_[True, np.diff(rec[{name!r}]) != 0] and rec.assign({name}=np.clip("
+                    f"np.r_[True, np.diff(rec[{name!r}]) != 0]{good} and rec.assign({name}=np.clip("
                     f"scipy.interpolate.CubicSpline(rec.t[k], rec[{name!r}][k])(rec.t), rec[{name!r}] - "
                     f"{width:.4g}, rec[{name!r}] + {width:.4g})).{_of_delays(fit)}",
-                    sure=level_p(fit) < SURE or _moves(fit),
+                    sure=level_p(stand_in(fit)) < SURE or _moves(fit),
                 )
     return None
 
@@ -63,11 +67,20 @@ def _curved(rec: Record) -> Record:
 
     found = {}
     for name in rec.outputs:
-        if width := dead_band(rec[name]):
-            k = np.r_[True, np.diff(rec[name]) != 0]
+        good = rec._good(name)
+        if width := dead_band(rec[name][good]):
+            k = _stored(rec[name], good)
             curve = CubicSpline(rec.t[k], rec[name][k])(rec.t)
             found[name] = np.clip(curve, rec[name] - width, rec[name] + width)
     return rec.assign(**found)
+
+
+def _stored(values: F64, good: Mask) -> Mask:
+    """Which samples were stored: the first, and those that differ from the last one that counts."""
+    kept = np.flatnonzero(good)
+    found = np.zeros(values.size, dtype=bool)
+    found[kept] = np.r_[True, np.diff(values[kept]) != 0]
+    return found
 
 
 def stands_still(fit: Estimates) -> Doubt | None:

@@ -494,7 +494,7 @@ class Fit(Drawn):
         return replace(self, records=None, instrumented=None, with_past=None, **own)
 
     def __repr__(self) -> str:
-        return one_line(self, len(self.check()) if self.success else 0)
+        return one_line(self, len(self.check()) if self.success and check.is_quick(self) else 0)
 
     def _repr_html_(self) -> str:
         return self.summary()._repr_html_()
