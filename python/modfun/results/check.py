@@ -24,6 +24,7 @@ from .doubts import (
     few_samples,
     in_hertz,
     in_two_units,
+    joined,
     minima,
     noise_bends,
     noise_free,
@@ -212,9 +213,9 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
 
 
 def unexplained(fit: Estimates) -> Doubt | None:
-    """What residuals say beyond doubt; that an output is clipped comes first, as the likelier cause."""
+    """What residuals say beyond doubt; what the record shows by itself comes first, as the likelier cause."""
     doubt = misfit(fit)
-    return clipped(fit) or doubt if doubt else None
+    return joined(fit) or clipped(fit) or doubt if doubt else None
 
 
 def not_from_zero(fit: Estimates) -> Doubt | None:

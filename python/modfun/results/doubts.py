@@ -31,6 +31,7 @@ __all__ = [
     "few_samples",
     "in_hertz",
     "in_two_units",
+    "joined",
     "minima",
     "noise_bends",
     "noise_free",
@@ -373,9 +374,19 @@ def noise_free(fit: Estimates) -> str | None:
 
 def clipped(fit: Estimates) -> Doubt | None:
     """That an output sits at an extreme, which residuals show as a system that is not linear."""
+    return _remark(fit, "clipped")
+
+
+def joined(fit: Estimates) -> Doubt | None:
+    """That a record is two, end to end, which residuals show as noise that drives the system."""
+    return _remark(fit, "joint")
+
+
+def _remark(fit: Estimates, what: str) -> Doubt | None:
+    """The first remark of a kind about a record or an output."""
     for rec in fit.records or ():
         for kind, channel, text in remarks_for_fits(rec):
-            if kind == "clipped" and channel in rec.outputs:
+            if kind == what and channel in ("", *rec.outputs):
                 return Doubt(text)
     return None
 

@@ -135,7 +135,7 @@ def test_an_absent_package_is_named_with_its_cure(absent, tmp_path):
 
 def test_a_fit_that_did_not_settle_is_not_to_be_used(rec, tmp_path, undrawn):
     swapped = mf.Record(y=rec.u, u=rec.y, dt=rec.dt)
-    with pytest.warns(mf.ModfunWarning, match="Not settled"):
+    with pytest.warns(mf.ModfunWarning, match="First swap them"):
         found = mf.fit(swapped, mf.TransferFunction(poles=2, zeros=2))
     text = found.report(tmp_path / "fit.html").read_text(encoding="utf-8")
     assert "Not to be used as it is: the fit did not settle." in text
