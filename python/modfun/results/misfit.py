@@ -27,7 +27,7 @@ from .driven_equations import driven
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
-from .origin import gain_of_colour, gain_of_process, hum, origin
+from .origin import gain_of_colour, gain_of_process, hum, on_wide_band, origin
 from .worth import worth
 
 __all__ = [
@@ -164,14 +164,16 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
 def of_tone(fit: Estimates) -> Doubt | None:
     """That most of the residuals are one tone, such as a hum."""
     found = hum(fit)
-    if found is None:
-        return None
-    output, omega, part = found
-    return Doubt(
+    return Doubt(_tone(fit, *found), sure=False) if found else None
+
+
+def _tone(fit: Estimates, output: int, omega: float, part: float) -> str:
+    """A tone among the residuals in words, with what to do about it."""
+    return (
         f"A tone near {omega:.4g} rad/s is {100 * part:.0f} % of the power of the "
-        f"residuals{_of(fit, fit.outputs[output])}: a hum, or an oscillation that acts on the system. If you "
-        "know its frequency w, as of mains or a rotor, put sin(w t) and cos(w t) into the record as inputs.",
-        sure=False,
+        f"residuals{_of(fit, fit.outputs[output])}: a hum, or an oscillation that acts on the system. Near a "
+        "mode it makes intervals too short. If you know its frequency w, as of mains or a rotor, first put "
+        'sin(w t) and cos(w t) into the record as inputs; else take cov_type="HC3".'
     )
 
 
@@ -212,6 +214,9 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
         f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
     )
+    wide = on_wide_band(fit) if alone and not hum(fit) else None
+    if wide is not None and (tone := hum(wide)):  # of few lines none stands out
+        return Doubt(_tone(fit, *tone), sure=d.chi2_p < SURE)
     found = origin(fit) if alone else None
     drift = with_drift(fit) if found == "process" and fit.trend == "constant" else None
     if drift is not None and convincing(fit, drift):
@@ -297,10 +302,13 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
     Free motion has no response to test, and a sharp mode is like none of the smooth ones that are tested.
     """
     found = []
+    wide = on_wide_band(fit)
+    tone = hum(fit) or (wide and hum(wide))  # a mode without damping that nothing drives is one
     for i, y in enumerate(fit.outputs):
         cures = [best_cure(fit, i, channel) for channel in fit.inputs or (None,)]
         settled = [cure for cure in cures if cure is not None and cure.level_p > UNLIKELY]
         settled = [cure for cure in settled if cure.before - cure.after > UNSPOKEN]
+        settled = [cure for cure in settled if not (tone and cure.words.startswith("two more"))]
         if settled:
             cure = min(settled, key=lambda cure: cure.after)
             text = (

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..errors import ModfunError
 from ..models.transfer_function import TransferFunction
 from .cures import WORTH, again, on_band
 from .estimates import Estimates
 from .further import fitted_lines
 
-__all__ = ["gain_of_colour", "gain_of_process", "hum", "origin", "wide_band"]
+__all__ = ["gain_of_colour", "gain_of_process", "hum", "on_wide_band", "origin", "wide_band"]
 
 WHITE = np.append(0.0, np.logspace(-6, 0, 31))  # noise of the samples beside other noise, of the mean power
 RATES = np.append(np.append(0.0, 1 / (1 + np.logspace(-3, 3, 13))), 1.0)  # what acts on the rate, likewise
@@ -41,6 +42,22 @@ def hum(fit: Estimates) -> tuple[int, float, float] | None:
     return None
 
 
+@kept
+def on_wide_band(fit: Estimates) -> Estimates | None:
+    """The fit up to an eighth of the rate; None but of transfer functions in white noise, even samples."""
+    plain = fit.options.noise == "output" and fit.options.plain_noise and fit.layout.plain
+    if not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
+        return None
+    steps = [rec.dt for rec in fit.records if rec.dt is not None and rec.mask is None and rec.sigma is None]
+    if len(steps) != len(fit.records):
+        return None
+    top = np.pi / 4 / max(steps)
+    if fit.band[0] >= top:
+        return None
+    options = fit.options.replace(band=(fit.band[0], top), harmonics=None)
+    return again(fit, fit.records, fit.structure, options)
+
+
 def origin(fit: Estimates) -> str | None:
     """ "process", "coloured", "either" or None, by likelihoods of residual lines up to an eighth of the rate.
 
@@ -50,19 +67,10 @@ def origin(fit: Estimates) -> str | None:
     like slow noise. Either is told from white noise, and one from the other, by ten units of -2 log
     likelihood.
     """
-    plain = fit.options.noise == "output" and fit.options.plain_noise and fit.layout.plain
-    if hum(fit) or not (plain and isinstance(fit.structure, TransferFunction) and fit.again and fit.records):
+    wide = None if hum(fit) else on_wide_band(fit)
+    if wide is None or hum(wide):
         return None
-    steps = [rec.dt for rec in fit.records if rec.dt is not None and rec.mask is None and rec.sigma is None]
-    if len(steps) != len(fit.records):
-        return None
-    top = np.pi / 4 / max(steps)
-    if fit.band[0] >= top:
-        return None
-    options = fit.options.replace(band=(fit.band[0], top), harmonics=None)
-    wide = again(fit, fit.records, fit.structure, options)
-    if wide is None:
-        return None
+    steps = [float(rec.dt or 0.0) for rec in wide.records or ()]
     numbers = [np.arange(low, high + 1) for low, high in wide.lines]
     omega = np.concatenate([m * omega0 for m, omega0 in zip(numbers, wide.omega0, strict=True)])
     turn = np.concatenate([m * w * dt for m, w, dt in zip(numbers, wide.omega0, steps, strict=True)])

@@ -2,6 +2,7 @@
 
 import modfun as mf
 import numpy as np
+import pytest
 
 TWO = mf.TransferFunction(poles=2, zeros=0)
 CLEAN = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/20)", duration=40.0, intervals=1024)
@@ -49,3 +50,18 @@ def test_a_hum_is_named_and_weights_are_not_proposed() -> None:
     known = mf.fit(rec, mf.TransferFunction(poles=2, zeros=[0, 0, 0]))
     assert np.all(np.abs(known.params[:3] - [3, 8, 5]) < 4 * known.bse[:3])
     assert np.all(known.bse[:3] < 0.1 * fit.bse)
+
+
+@pytest.mark.parametrize("hertz", [0.45, 0.8])
+def test_a_hum_beside_few_lines_is_named_and_not_called_turbulence(hertz: float) -> None:
+    """Near the mode, at 0.45 Hz, intervals hold the truth in 72 to 84 % of 100 records, those of HC3 in all."""
+    t = 10 / 256 * np.arange(257)
+    u = np.sin(t**2 / 5)
+    clean = mf.tf([5], [1, 3, 8]).simulate(u=u, dt=10 / 256, initial_state=[1, 0.5]).ravel()
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        tone = np.sqrt(2) * np.sin(2 * np.pi * hertz * t + rng.uniform(0, 6.28))
+        y = clean + 0.02 * (tone + 0.2 * rng.standard_normal(t.size))
+        with pytest.warns(mf.ModfunWarning, match=r"A tone near .* else take cov_type=.HC3."):
+            fit = mf.fit(mf.Record(y=y, u=u, dt=10 / 256, intersample="smooth"), TWO)
+        assert "process" not in str(fit.check())
