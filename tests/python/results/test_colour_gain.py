@@ -54,7 +54,7 @@ def test_a_hum_is_named_and_weights_are_not_proposed() -> None:
 
 @pytest.mark.parametrize("hertz", [0.45, 0.8])
 def test_a_hum_beside_few_lines_is_named_and_not_called_turbulence(hertz: float) -> None:
-    """Near the mode, at 0.45 Hz, intervals hold the truth in 72 to 84 % of 100 records, those of HC3 in all."""
+    """Near the mode, at 0.45 Hz, intervals hold the truth in 72 to 84 % of 100 records, HC3 in all."""
     t = 10 / 256 * np.arange(257)
     u = np.sin(t**2 / 5)
     clean = mf.tf([5], [1, 3, 8]).simulate(u=u, dt=10 / 256, initial_state=[1, 0.5]).ravel()
