@@ -29,7 +29,7 @@ def stored_late(fit: Estimates) -> Doubt | None:
     """That an output keeps its value until it has changed by a dead band."""
     for k, rec in enumerate(fit.records or ()):
         for i, name in enumerate(rec.outputs):
-            if width := dead_band(rec[name][rec._good(name)]):
+            if width := dead_band(_counting(rec, name)):
                 where = f" of record {k}" if k else ""
                 good = "" if rec.mask is None else f" & rec.mask[{i}]"
                 return Doubt(
@@ -67,12 +67,16 @@ def _curved(rec: Record) -> Record:
 
     found = {}
     for name in rec.outputs:
-        good = rec._good(name)
-        if width := dead_band(rec[name][good]):
-            k = _stored(rec[name], good)
+        if width := dead_band(_counting(rec, name)):
+            k = _stored(rec[name], rec._good(name))
             curve = CubicSpline(rec.t[k], rec[name][k])(rec.t)
             found[name] = np.clip(curve, rec[name] - width, rec[name] + width)
     return rec.assign(**found)
+
+
+def _counting(rec: Record, name: str) -> F64:
+    """The samples that count, no copy where all do."""
+    return rec[name] if rec.mask is None else rec[name][rec._good(name)]
 
 
 def _stored(values: F64, good: Mask) -> Mask:

@@ -58,6 +58,8 @@ UNITS: tuple[Unit, ...] = (
     (GRAVITY, "in m/s² and not in g"),
     (1 / 0.3048, "in feet and not in metres"),
     (0.3048, "in metres and not in feet"),
+    (1 / 0.5144, "in knots and not in m/s"),
+    (0.5144, "in m/s and not in knots"),
 )
 OF_FORCES = UNITS[2:6]  # what accelerations may be in
 OF_ANGLES = UNITS[:2]  # the same of channels whose unit is an angle, or one of rates of turn
@@ -332,7 +334,9 @@ def _size(number: Number, scales: Mapping[str, float]) -> float:
 
 def unit_of(factor: float, units: Sequence[tuple[float, str]] = UNITS) -> tuple[float, str] | None:
     """The size and words of a unit."""
-    return next((unit for unit in units if abs(log(abs(factor) / unit[0])) < NEAR), None)
+    # Knots are close to two or a half, which are no unit: such a factor is that of a time step, say.
+    near = {size: min(NEAR, abs(log(size / 2)) / 2, abs(log(size * 2)) / 2) for size, _ in units}
+    return next((unit for unit in units if abs(log(abs(factor) / unit[0])) < near[unit[0]]), None)
 
 
 def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers: Sequence[Number]) -> str:

@@ -51,6 +51,7 @@ SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only 
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 AMPLIFIED = 3.0  # ratio of noise levels beyond which products of derivatives have bent estimates
 LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
+SLOWEST = 2.5  # periods in a record, of a tone: fewer are those of slow noise
 UNSPOKEN = 20.0  # of BIC: what leaves no doubt though no test has shown it; uneven noise made 11
 FIRST = 1e9  # of BIC: above what any cure lowers it by
 DRIVES = "seems to drive the equations"
@@ -167,6 +168,13 @@ def of_tone(fit: Estimates) -> Doubt | None:
     return Doubt(_tone(fit, *found), sure=False) if found else None
 
 
+def _hum(fit: Estimates) -> tuple[int, float, float] | None:
+    """The same on a wide band where a fit has few lines, of which none stands out; no slow noise."""
+    wide = on_wide_band(fit)
+    found = hum(fit) or (hum(wide) if wide is not None else None)
+    return found if found and found[1] > SLOWEST * min(fit.omega0) else None
+
+
 def _tone(fit: Estimates, output: int, omega: float, part: float) -> str:
     """A tone among the residuals in words, with what to do about it."""
     return (
@@ -214,8 +222,7 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
         f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
     )
-    wide = on_wide_band(fit) if alone and not hum(fit) else None
-    if wide is not None and (tone := hum(wide)):  # of few lines none stands out
+    if alone and not hum(fit) and (tone := _hum(fit)):
         return Doubt(_tone(fit, *tone), sure=d.chi2_p < SURE)
     found = origin(fit) if alone else None
     drift = with_drift(fit) if found == "process" and fit.trend == "constant" else None
@@ -302,13 +309,13 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
     Free motion has no response to test, and a sharp mode is like none of the smooth ones that are tested.
     """
     found = []
-    wide = on_wide_band(fit)
-    tone = hum(fit) or (wide and hum(wide))  # a mode without damping that nothing drives is one
+    # Two more poles follow a tone, as a mode without damping, and noise that drives a light mode.
+    noisy = _hum(fit) or origin(fit) in ("process", "either")
     for i, y in enumerate(fit.outputs):
         cures = [best_cure(fit, i, channel) for channel in fit.inputs or (None,)]
         settled = [cure for cure in cures if cure is not None and cure.level_p > UNLIKELY]
         settled = [cure for cure in settled if cure.before - cure.after > UNSPOKEN]
-        settled = [cure for cure in settled if not (tone and cure.words.startswith("two more"))]
+        settled = [cure for cure in settled if not (noisy and cure.words.startswith("two more"))]
         if settled:
             cure = min(settled, key=lambda cure: cure.after)
             text = (

@@ -153,8 +153,10 @@ def test_an_input_that_an_equation_lacks_is_named():
     assert "Input 'dc' is in the record and not in the model" in text
 
 
-def test_a_factor_near_two_is_no_unit():
+def test_a_rate_of_turn_is_in_no_knots():
     """A step read twice too long was named so, and the advice left derivatives at a quarter in silence."""
     numbers = [Number("the number 1 beside q in the equation of alpha", 1.0, {"q": 1}, 1.94, 0.01)]
-    assert _of_scales(numbers, (), {}) is None
+    knots = _of_scales(numbers, (), {})
+    assert knots is not None
+    assert "in knots and not in m/s" in knots.text
     assert _of_scales(numbers, (), {"q": OF_ANGLES}) is None
