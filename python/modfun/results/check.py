@@ -249,9 +249,13 @@ def warnings_of(fit: Estimates, looks: tuple[Callable[[Estimates], Doubt | None]
     if not fit.usable:
         return [f"fit: {_failed(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
-        whole = stand_in(fit)
-        found = (look(fit if look is stored_late else whole) for look in looks)
+        found = (_answer(look, fit) for look in looks)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
+
+
+def _answer(look: Callable[[Estimates], Doubt | None], fit: Estimates) -> Doubt | None:
+    """What a look finds where masked samples are filled; what a historian stored is seen without these."""
+    return look(fit if look is stored_late else stand_in(fit))
 
 
 def is_quick(fit: Estimates) -> bool:
@@ -267,9 +271,7 @@ def check(fit: Estimates, line: str) -> Findings:
         return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
         whole = stand_in(fit)
-        said = {
-            look: look(fit if look is stored_late else whole) for look in LOOKS if look is not unexplained
-        }
+        said = {look: _answer(look, fit) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())

@@ -58,6 +58,7 @@ def on_wide_band(fit: Estimates) -> Estimates | None:
     return again(fit, fit.records, fit.structure, options)
 
 
+@kept
 def origin(fit: Estimates) -> str | None:
     """ "process", "coloured", "either" or None, by likelihoods of residual lines up to an eighth of the rate.
 

@@ -20,7 +20,7 @@ MOTIONS = ("smooth", "walk")  # new values of what may be a motion; others are t
 def slow_input(fit: Estimates) -> Doubt | None:
     """That an input stands between its new values and is read otherwise, or is held and did not stand."""
     records = fit.records or ()
-    if fit.again is None or all(step == 1 for rec in records for step, _ in _grids(rec)):
+    if fit.again is None or all(_grid(rec, k)[0] == 1 for rec in records for k in range(len(rec.inputs))):
         return None
     for channel in range(len(fit.inputs)):
         if found := _held(fit, channel) or _polled(fit, channel):
@@ -28,15 +28,16 @@ def slow_input(fit: Estimates) -> Doubt | None:
     return None
 
 
-def _grids(rec: Record) -> list[tuple[int, int]]:
-    """How many samples lie from one new value of each input to the next, and the first."""
-    return [(1, 0) if name in rec._functions else held(rec[name]) for name in rec.inputs]
+def _grid(rec: Record, channel: int) -> tuple[int, int]:
+    """How many samples lie from one new value of an input to the next, and the first."""
+    name = rec.inputs[channel]
+    return (1, 0) if name in rec._functions else held(rec[name])
 
 
 def _held(fit: Estimates, channel: int) -> Doubt | None:
     """That fits are better where an input is held which was declared otherwise."""
     records = fit.records or ()
-    wrong = [rec.intersample[channel] != "zoh" and _grids(rec)[channel][0] > 1 for rec in records]
+    wrong = [rec.intersample[channel] != "zoh" and _grid(rec, channel)[0] > 1 for rec in records]
     if not any(wrong):
         return None
     rec = records[wrong.index(True)]
@@ -55,7 +56,7 @@ def _held(fit: Estimates, channel: int) -> Doubt | None:
 def _polled(fit: Estimates, channel: int) -> Doubt | None:
     """That fits are better with a curve through the new values, as of a motion that a slower sensor saw."""
     records = fit.records or ()
-    read = [(rec, *_grids(rec)[channel]) for rec in records]
+    read = [(rec, *_grid(rec, channel)) for rec in records]
     slow = [step > 1 and form_of(rec.u[channel, first::step]) in MOTIONS for rec, step, first in read]
     if not any(slow):
         return None
@@ -75,7 +76,7 @@ def _polled(fit: Estimates, channel: int) -> Doubt | None:
 
 
 def _seen(rec: Record, channel: int) -> str:
-    step = ordinal(_grids(rec)[channel][0])
+    step = ordinal(_grid(rec, channel)[0])
     return f"Input {rec.inputs[channel]!r} has a new value only every {step} sample and repeats it"
 
 
