@@ -45,6 +45,7 @@ from .hidden_units import in_other_units
 from .jumps import flips, jumps
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
+from .levers import off_centre
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .offsets import mean, offset
 from .runaway import runaway
@@ -238,8 +239,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, bounded, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
-    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
-    fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
+    off_centre, in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent,
+    swapped, fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
     twin,
 )  # fmt: skip
 
@@ -282,6 +283,7 @@ def check(fit: Estimates, line: str) -> Findings:
             slow_input,
             unlike_records,
             one_record,
+            off_centre,
             in_other_units,
             contradicted_numbers,
             missing_input,

@@ -19,7 +19,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, neighbours
+from .neighbours import EXTRA, LEVER, neighbours
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
@@ -177,7 +177,7 @@ def _of_group(
         extra = other[EXTRA] if EXTRA in other.param_names else nan  # of a delay that is a number none
         after = bic_beside(other, fit)
         # Off the centre of gravity is a likelier place than a time off all the others.
-        lever = moved is not None and moved is found and words.startswith("lever")
+        lever = moved is not None and moved is found and words.startswith(LEVER)
         bar = moved.after + CLOSE if moved and lever else best
         if not (isfinite(after) and after < bar) or _odd_time(fit, words, extra):
             continue

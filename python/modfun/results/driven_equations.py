@@ -20,8 +20,8 @@ from ..models.process import ProcessNoise, dryden
 from .cures import Cure, again, on_band
 from .doubts import Doubt
 from .estimates import Estimates
+from .linear_lines import output_lines
 from .origin import wide_band
-from .shifts import output_lines
 
 __all__ = ["driven", "one_cause"]
 

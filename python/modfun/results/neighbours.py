@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import chain, combinations, count
 from typing import Any
 
@@ -20,15 +20,18 @@ from ..errors import ModfunError
 from ..models.free import Free
 from ..records.forms import forms_of
 from .estimates import Estimates
+from .shifts import likeliest_lever
 from .worth import Key
 
-__all__ = ["EXTRA", "neighbours", "unused", "with_offset"]
+__all__ = ["EXTRA", "LEVER", "neighbours", "of_levers", "rates_of", "unused", "with_levers", "with_offset"]
 
 EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
+LEVER = "lever_"  # first word of that of a sensor away from the reference point
 LATEST = 12  # samples of an input that acts late, where its delay is no parameter
 BENDS = 1.0  # rad: below, a sine is a line and a cube
 ABOUT = 0.8  # a number that is nearly 1, as that of the yaw rate in the equation of sideslip
+FARTHEST = 3.0  # times what a score test finds of a lever
 SPIKE = 10.0  # times the mean fourth difference: a sample that stands out
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
@@ -78,18 +81,46 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
     for i, y in enumerate(model.outputs):
         if state_of(model.C[i], model.D[i]) is not None:
             continue  # a measured state is no accelerometer
-        for j in _rates(model):
-            x = model.states[j]
-            c, d = ([list(row) for row in matrix] for matrix in (model.C, model.D))
-            c[i] = [_plus(own, f"{EXTRA}*({a})") for own, a in zip(c[i], model.A[j], strict=True)]
-            d[i] = [_plus(own, f"{EXTRA}*({b})") for own, b in zip(d[i], model.B[j], strict=True)]
-            words = (
-                f"lever*{x}' in the output {y} (lever = {{}}), as of a sensor away from the reference point"
-            )
-            yield words, model._like(C=c, D=d, params=_more(model, Free())), ()
+        for j in rates_of(model):
+            bounds = [_about(fit, y, model.states[j])]
+            words = of_levers(y, [model.states[j]], ["{}"], bounds)
+            yield words, with_levers(model, i, [j], bounds), ()
 
 
-def _rates(model: StateSpace) -> list[int]:
+def with_levers(model: StateSpace, i: int, states: Sequence[int], bounds: Sequence[float]) -> StateSpace:
+    """Output i as of a sensor that feels derivatives of states, too; the first lever is `EXTRA`."""
+    c, d = (list(model.C[i]), list(model.D[i]))
+    params = dict(model.params)
+    for name, j, most in zip([EXTRA, *(f"{EXTRA}_{k}" for k in states[1:])], states, bounds, strict=True):
+        c = [_plus(own, f"{name}*({a})") for own, a in zip(c, model.A[j], strict=True)]
+        d = [_plus(own, f"{name}*({b})") for own, b in zip(d, model.B[j], strict=True)]
+        params[name] = Free(min=-most, max=most) if most else Free()
+    rows = [*model.C[:i], c, *model.C[i + 1 :]], [*model.D[:i], d, *model.D[i + 1 :]]
+    return model._like(C=rows[0], D=rows[1], params=params)
+
+
+def of_levers(y: str, rates: Sequence[str], values: Sequence[str], bounds: Sequence[float]) -> str:
+    """How an output shows levers times derivatives, and how that is written."""
+    terms = " + ".join(f"{LEVER}{x}*{x}'" for x in rates)
+    told = ", ".join(f"{LEVER}{x} = {value}" for x, value in zip(rates, values, strict=True))
+    rows = listed([f"{LEVER}{x} times the row of {x} in A" for x in rates])
+    free = ", ".join(
+        f"'{LEVER}{x}': mf.Free({value}" + (f", min={-most:.2g}, max={most:.2g})" if most else ")")
+        for x, value, most in zip(rates, values, bounds, strict=True)
+    )
+    return (
+        f"{terms} in the output {y} ({told}), as of a sensor away from the reference point: add {rows} to "
+        f"the row of {y} in C, the same of B to D, with params={{{free}}}"
+    )
+
+
+def _about(fit: Estimates, y: str, rate: str) -> float:
+    """How far a lever may go, by the size that a score test finds: far away a second may explain as much."""
+    found = likeliest_lever(fit, [(y, rate)]) if rate in fit.outputs else None
+    return FARTHEST * abs(found.length) if found else 0.0
+
+
+def rates_of(model: StateSpace) -> list[int]:
     """States that are the rate of another one, by a number near 1 in its equation; all where none is.
 
     Sensors feel angular accelerations times their lever. With any other derivative an accelerometer does the

@@ -14,7 +14,7 @@ from .doubts import SURE, Doubt, noise_free
 from .driven_equations import driven
 from .estimates import Estimates
 from .held_numbers import contradicted_numbers
-from .shifts import equation_lines
+from .linear_lines import equation_lines
 from .unnamed_inputs import missing_input
 
 __all__ = ["unrecorded_input"]

@@ -16,7 +16,7 @@ from ..equations.matrices import names_in, state_of
 from ..equations.state_space import StateSpace
 from ..models.free import Free
 from .estimates import Estimates
-from .shifts import lines_beside
+from .linear_lines import lines_beside
 
 __all__ = ["Key", "worth"]
 
