@@ -53,7 +53,7 @@ def test_an_accelerometer_ahead_of_the_reference_point_is_named():
     both = mf.Record(y=np.array([rec["q"], az]), u=u, dt=0.02, outputs=["q", "az"], inputs=["de"])
     model = mf.StateSpace(**FREE, C=[[0, 1], ["12.2*Za", 0]], D=[[0], ["12.2*Zd"]], outputs=["q", "az"])
     _, text = warned(both, model)
-    assert "' in the output az (lever = " in text
+    assert "' in the output az (lever_q = -0.4" in text
 
 
 def lsim_q(u):
