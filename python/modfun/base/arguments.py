@@ -37,6 +37,12 @@ _CALLED = (
     (("u", "signal"), "input", "samples, a text such as 'sin(t)', or mf.signals"),
     (("x0", "y0"), "initial_state", "at the first sample"),
     (("noise",), "nsr", "noise over signal, such as 0.1"),
+    (
+        ("sigma", "std", "noise_std"),
+        "nsr",
+        "the standard deviation of the noise over the rms of the response",
+    ),
+    (("rng", "random_state"), "seed", "a whole number"),
     (("n", "runs"), "replicates", "their number"),
     (("n_jobs",), "threads", "their number"),
     (("m", "lines", "n_harmonics"), "harmonics", "the highest modulating index M"),

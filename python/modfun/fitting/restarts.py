@@ -17,6 +17,7 @@ from .scales import sizes
 __all__ = ["restarted", "settled_within"]
 
 FACTOR = 10.0  # of a size either way
+SMALLER = 5.0
 AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
 
 Bounds = tuple[tuple[float, float], ...]
@@ -38,10 +39,14 @@ def restarted(
     if words["linear"]:
         return None  # linear ones begin at their minimum
     own = words["bounds"]
-    for starts, box in _boxes(sizes(structure, layout.param_names, records).tolist(), words["starts"], own):
+    inside = {k for _, k, _ in words["signal_slopes"]}
+    asked = sizes(structure, layout.param_names, records).tolist()
+    for starts, box in _boxes(asked, words["starts"], own, inside):
         for learn in (True, False) if learns else (True,):
             try:
                 fit = sought(starts, box, learn)
+                if fit.status == "maxiter" and not fit.at_bound:  # on its way
+                    fit = sought(fit.params.tolist(), box, learn)
             except DataError:  # a band with fewer equations than unknowns
                 continue
             # Where a level took the residuals up, the fit is none: that of a wrong model would pass for one.
@@ -58,23 +63,36 @@ def settled_within(fit: Any, layout: EquationLayout) -> bool:
 
 
 def _boxes(
-    sizes: Sequence[float], told: Sequence[float | None], own: Bounds
+    sizes: Sequence[float], told: Sequence[float | None], own: Bounds, inside: set[int]
 ) -> Iterator[tuple[list[float], Bounds]]:
-    """Starts and bounds about them, within a user's own bounds."""
+    """Starts and bounds about them, within a user's own bounds.
+
+    `inside`: parameters inside signals, as in S/(Ks + S), which cross zero last: with the other sign such a
+    term has a pole.
+    """
+    every = set(range(len(sizes)))
     # A start that a user told was tried already, and says which sign is likelier.
     centres = [
         size if start is None or start >= 0 else -size for start, size in zip(told, sizes, strict=True)
     ]
-    for signed in (False, True):  # as the sizes are, then either way
+    # As the sizes are, then either way: coefficients may also be far smaller than their term can be, and what
+    # a signal is compared with, as Ks, than the signal is.
+    ways = [
+        (set[int](), 1.0),
+        *([(every - inside, 1.0), (every - inside, SMALLER)] * bool(inside)),
+        (every, 1.0),
+    ]
+    for signed, smaller in ways:
         box = []
-        for centre, start, (low, high) in zip(centres, told, own, strict=True):
+        for k, (centre, start, (low, high)) in enumerate(zip(centres, told, own, strict=True)):
+            centre = centre / smaller if k in inside and start is None else centre
             if -inf < low and high < inf:
                 box.append((low, high))
                 continue
             if high <= 0 < centre and start is None:
                 centre = -centre
             ends = sorted([centre / FACTOR, centre * FACTOR])
-            if signed and start is None:
+            if k in signed and start is None:
                 ends = [-abs(centre) * FACTOR, abs(centre) * FACTOR]
             box.append((max(low, ends[0]), min(high, ends[1])))
         if all(a < b for a, b in box):

@@ -143,6 +143,8 @@ def one_record(fit: Estimates) -> Doubt | None:
     if found is None:
         return None
     k, own = found
+    if not fit.usable and not (own is not None and own.usable):
+        return None  # the search for either went astray
     text = next(iter(warnings_of(own)), "") if own is not None else ""
     if not text:
         text = "First compare it with a fit of the others, fit.plot_response(rec), or leave it out."

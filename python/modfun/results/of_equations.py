@@ -94,6 +94,8 @@ class EquationFit(Fit):
     @property
     def message(self) -> str:
         """The status in words, with the cure."""
+        if self.status == "rank" and (told := self._without_bounds()):
+            return told
         if self.status == "rank":
             return (
                 "The samples cannot tell the parameters apart: hold one, or take a record that moves more or "
@@ -121,6 +123,21 @@ class EquationFit(Fit):
                 "value (log or sqrt of what noise makes negative, 1/0), or that are absurdly large."
             )
         return super().message
+
+    def _without_bounds(self) -> str:
+        """That parameters inside signals, as Ks in S/(Ks + S), had no bounds in a search that ran away."""
+        words = self.layout.formulas.words
+        inside = {k for _, k, _ in words["signal_slopes"]}
+        free = [k for k in sorted(inside) if not np.isfinite(words["bounds"][k]).all()]
+        if not free:
+            return ""
+        given = ", ".join(f"'{self.param_names[k]}': mf.Free(start, min=..., max=...)" for k in free)
+        ended = ", ".join(f"{self.param_names[k]} = {self.params[k]:.3g}" for k in free)
+        return (
+            f"The search ended at {ended}, where the samples cannot tell the parameters apart: first give "
+            f"starts and bounds of what stands inside a signal, params={{{given}}}; else hold one, or take a "
+            "record that moves more or longer."
+        )
 
     def _may_lack_values(self) -> bool:
         """Whether the equations have logarithms, roots or quotients of signals, or samples that overflow."""

@@ -153,7 +153,10 @@ class _Cell:
             degrees = np.broadcast_to(answer.degrees, answer.bse.shape)
             self._cover(np.array([row]), answer.bse[None, own], degrees[own])
         else:
-            self._cover(np.array([row]), own_errors(answer, self.names)[None], inf)
+            errors, wrong = own_errors(answer, self.names)
+            self._cover(np.array([row]), errors[None], inf)
+            if wrong:
+                self.texts.append((row, wrong))
         if not np.all(np.isfinite(self.theta[row])) and self.status[row] < USED:
             self.status[row] = STATUS.index("nonfinite")
             if not isinstance(answer, Fit):

@@ -36,6 +36,8 @@ from .groups import Group
 __all__ = ["Contender", "contenders"]
 
 Rule = Callable[[Record, np.random.Generator], Any]
+KNOWN = ("zero", "rest")  # initial states of which nothing is estimated
+TRENDS = ("constant", "linear")
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +88,25 @@ class Contender:
         return found
 
     @property
+    def undeclared(self) -> bool:
+        """Whether nothing says what a user's function knows of the start, or estimates of a trend."""
+        return self.call is not None and not (
+            hasattr(self.call, "initial_state") or hasattr(self.call, "trend")
+        )
+
+    @property
     def initial_state(self) -> Any:
-        """What its estimators know of the initial states."""
-        return self.estimators[0].options.initial_state if self.estimators else "unknown"
+        """What it knows of the initial states; a rival or a function says so by an attribute of that name."""
+        if self.estimators:
+            return self.estimators[0].options.initial_state
+        told = getattr(self.call, "initial_state", "unknown")
+        return told if told in KNOWN else "unknown"
 
     def trend(self, group: Group) -> str | None:
-        """Trend fitted beside the model in a group (None for a user's estimator)."""
+        """Trend fitted beside the model in a group; a rival or a function says so by an attribute."""
         if not self.estimators:
-            return None
+            told = getattr(self.call, "trend", None)
+            return told if told in TRENDS else None
         own = self.estimators[group.index]
         equations = own.options.trend == "auto" and not isinstance(own.model, TransferFunction)
         found: str | None = own.model.trend if equations else own.options.fitted_trend

@@ -122,11 +122,12 @@ class Figures(Elsewhere):
         """Cramér–Rao bound under white noise as standard deviations, (cell…, estimator, parameter).
 
         From all samples, with the estimator's trend unknown, and the initial state unless the estimator
-        knows it; with process noise its levels are unknown, too. Where the initial state of a linear system
-        is drawn, it is the root mean square of the bounds from the first 100 replicates' states. It is nan
-        where the noise or the records are the user's, the structure does not hold the system, process noise
-        enters through inputs of its own, or the initial state of equations is drawn. No estimator need reach
-        it in a narrow band, and a biased one may pass it.
+        knows it, which a function says by attributes, ``f.initial_state = "zero"``, ``f.trend =
+        "constant"``; with process noise its levels are unknown, too. Where the initial state of a linear
+        system is drawn, it is the root mean square of the bounds from the first 100 replicates' states. It is
+        nan where the noise or the records are the user's, the structure does not hold the system, process
+        noise enters through inputs of its own, or the initial state of equations is drawn. No estimator need
+        reach it in a narrow band, and a biased one may pass it.
         """
         plan = self._plan
         array = np.full((*plan.shape[:-1], len(plan.parameters)), np.nan)
@@ -249,6 +250,12 @@ class Figures(Elsewhere):
                     found[
                         f"The structure of {c.name!r} does not hold the system, so that it has no true "
                         "parameters: bias, rmse and coverage are nan."
+                    ] = None
+                if c.undeclared and isinstance(g, Group) and g.noise is None:
+                    found[
+                        f"The bound beside {c.name!r} is that of an estimator that knows nothing of the "
+                        "start and fits no offset; if it does otherwise, say so by its attributes, "
+                        'f.initial_state = "zero" or f.trend = "constant".'
                     ] = None
                 if c.words:
                     found |= dict.fromkeys(f"{c.name}: {said}" for said in in_sentences(c.words[g.index]))

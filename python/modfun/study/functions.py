@@ -32,6 +32,7 @@ __all__ = [
 ]
 
 PURPOSES = ("estimator", "noise", "initial_state", "generate")
+ERRORS = ("err", "error", "std", "sd", "stderr", "bse", "sigma")  # what standard errors are called elsewhere
 LONGEST = 2000  # characters kept of one exception
 
 
@@ -159,16 +160,21 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
     """
     if isinstance(answer, Fit):
         answer = answer.estimates()
-    if isinstance(answer, Named) and answer.names:
-        answer = dict(answer)
-    if isinstance(answer, Mapping):
+    given = _by_name(answer)
+    if given is not None:
         missing = [name for name in names if name not in answer]
         if missing:
             raise SpecError(
-                f"MonteCarlo: the estimator {who!r} returned {', '.join(map(str, answer)) or 'nothing'}; "
+                f"MonteCarlo: the estimator {who!r} returned {', '.join(map(str, given)) or 'nothing'}; "
                 f"{', '.join(missing)} of {', '.join(names)} is missing: return all, or give model="
             )
-        answer = [answer[name] for name in names]
+        odd = [f"{name}_{word}" for name in names for word in ERRORS if f"{name}_{word}" in given]
+        if odd and odd[0] not in names:
+            raise SpecError(
+                f"MonteCarlo: the estimator {who!r} returned {odd[0]}; standard errors, from which coverage "
+                f"is counted, have the name {odd[0].rpartition('_')[0]}_se"
+            )
+        answer = [given[name] for name in names]
     theta = _real(answer)
     if theta is None or theta.shape != (len(names),):
         raise SpecError(
@@ -178,11 +184,31 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
     return theta
 
 
-def own_errors(answer: Any, names: tuple[str, ...]) -> F64:
-    """Standard errors that an estimator returned beside its parameters, as a1_se; nan where it did not."""
-    given = answer if isinstance(answer, Mapping) else {}
+def own_errors(answer: Any, names: tuple[str, ...]) -> tuple[F64, str]:
+    """Standard errors that an estimator returned beside its parameters, as a1_se; nan where it did not.
+
+    With what is wrong with those that it returned, in words; "" where nothing is.
+    """
+    given = _by_name(answer) or {}
     found = _real([given.get(f"{name}_se", np.nan) for name in names])
-    return np.full(len(names), np.nan) if found is None or found.shape != (len(names),) else found
+    if found is None or found.shape != (len(names),):
+        found = np.full(len(names), np.nan)
+    wrong = [
+        name for name, se in zip(names, found, strict=True) if f"{name}_se" in given and not 0 <= se < np.inf
+    ]
+    said = ", ".join(f"{name}_se = {given[f'{name}_se']}" for name in wrong)
+    found[[names.index(name) for name in wrong]] = np.nan
+    return found, f"returned {said}, no standard error" if said else ""
+
+
+def _by_name(answer: Any) -> dict[str, Any] | None:
+    """What was returned under names, by a dict, a named vector or a pandas Series; None of an array."""
+    if isinstance(answer, Named) and not answer.names:
+        return None
+    if not (isinstance(answer, Named | Mapping) or hasattr(answer, "keys")):
+        return None
+    found = dict(answer)
+    return found if isinstance(answer, Mapping) or all(isinstance(key, str) for key in found) else None
 
 
 def _real(value: Any) -> F64 | None:
