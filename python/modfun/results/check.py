@@ -143,7 +143,7 @@ def one_record(fit: Estimates) -> Doubt | None:
     if found is None:
         return None
     k, own = found
-    if not fit.usable and not (own is not None and own.usable):
+    if not fit.usable and not (own is not None and own.success):
         return None  # the search for either went astray
     text = next(iter(warnings_of(own)), "") if own is not None else ""
     if not text:
