@@ -27,6 +27,7 @@ from .prediction import InitialState
 __all__ = ["EquationFit"]
 
 
+LONG = 0.5  # of the longest part of a record that has values: shorter ones tell little
 CLEAR = 5.0  # standard deviations of noise: what is as far from 0 has a logarithm that is worth something
 HUGE = 1e50  # samples whose powers may overflow
 
@@ -166,8 +167,13 @@ class EquationFit(Fit):
             if not np.any(values > least):
                 least, clear = 0.0, ""
             edges = np.concatenate([[-1], np.flatnonzero(~(values > least)), [values.size]])
-            longest = int(np.argmax(np.diff(edges)))
-            start, stop = rec.t[edges[longest] + 1], rec.t[edges[longest + 1] - 1]
+            sizes = np.diff(edges) - 1
+            longest = int(np.argmax(sizes))
+            pieces = [
+                f"rec.window({rec.t[edges[at] + 1]:.4g}, {rec.t[edges[at + 1] - 1]:.4g})"
+                for at in np.flatnonzero(sizes > LONG * sizes[longest])
+            ]
+            parts = pieces[0] if len(pieces) == 1 else f"mf.fit([{', '.join(pieces)}], model)"
             first, order, y = int(bad[0]), max(self.layout.orders), np.ascontiguousarray(rec.y)
             left, given = slice(edges[longest] + 1, edges[longest + 1]), ""
             try:
@@ -176,11 +182,12 @@ class EquationFit(Fit):
                 told = ", ".join(f"{level:.3g}" for level in noise_level(y, order))
                 told = f"[{told}]" if len(y) > 1 else told
                 given = f", and give its noise, noise=mf.Noise(y={told})"
+            starts = ", ".join(f"'{name}': ..." for name in self.param_names)
             return (
                 f"{said(whole)} has no value at {bad.size} of {values.size} samples of record {k}, first at "
                 f"t = {rec.t[first]:.4g} s, where {said(inner)} is {values[first]:.3g}: cut the record to "
-                f"where {said(inner)} stays above {least:.3g}{clear}, such as "
-                f"rec.window({start:.4g}, {stop:.4g}){given}."
+                f"where {said(inner)} stays above {least:.3g}{clear}, such as {parts}{given}. An output error "
+                f"takes the whole record, from starts, mf.rivals.output_error(model, start={{{starts}}})."
             )
         return ""
 
