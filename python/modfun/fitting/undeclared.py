@@ -8,7 +8,10 @@ from itertools import islice
 from math import nan
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN, restless
+from ..base.student import root
 from ..errors import ModfunError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -16,8 +19,9 @@ from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.forms import agreed
 from ..records.record import Record
-from ..results.cures import bic_beside, furthest, on_band, realigned
+from ..results.cures import bic_beside, on_band, realigned
 from ..results.diagnosis import growth
+from ..results.estimates import Estimates
 from ..results.feedback import feedback
 from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
@@ -288,9 +292,9 @@ def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:
 
 
 def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:
-    """Whether both readings make estimates that differ by more than their errors."""
+    """Whether both readings make estimates that differ by more than their errors in steady noise."""
     return any(
-        furthest(fit, other)[-1] > FAR
+        bool(np.any(np.abs(other.params - fit.params) > FAR * root(np.diag(Estimates.cov_params(other)))))
         for fit, other in zip(fits, others, strict=True)
         if other is not None and fit.param_names and fit.param_names == other.param_names
     )

@@ -55,7 +55,7 @@ from .stand_in import stand_in
 from .still_inputs import of_still_inputs
 from .swapped import swapped
 from .uncertain_poles import uncertain_poles
-from .undeclared import undeclared
+from .undeclared import undeclared, wandering
 from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
@@ -242,7 +242,7 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, bounded, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
     off_centre, in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent,
-    swapped, fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, undeclared,
+    swapped, fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, wandering,
     twin,
 )  # fmt: skip
 
@@ -305,6 +305,7 @@ def check(fit: Estimates, line: str) -> Findings:
             found += [of_tone(whole), *residual, None if named else of_drift(whole)]
             found += [of_colour(whole, d), of_time(whole)]
         found += [
+            None if said[wandering] else _answer(undeclared, fit),
             biased(fit),
             minima(fit),
             few_samples(fit),

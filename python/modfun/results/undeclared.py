@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from ..base.between import OPEN, form_of
+from ..records.record import Record
 from .cures import again, bic_beside, furthest, on_band, otherwise
 from .doubts import Doubt
 from .estimates import Estimates
 
-__all__ = ["POSITIVE", "undeclared"]
+__all__ = ["POSITIVE", "undeclared", "wandering"]
 
 POSITIVE = 2.0  # evidence by a difference of BIC (Kass and Raftery, 1995)
 
 
-def undeclared(fit: Estimates) -> Doubt | None:
-    """That an input which nobody declared fits as well held, or smooth, with other estimates.
+def wandering(fit: Estimates) -> Doubt | None:
+    """The same of a random walk, whose samples say neither; most motions are what they look like."""
+    left = _left(fit)
+    walk = bool(left) and form_of(left[0][0][left[0][1]], None if left[0][0].dt else left[0][0].t) == "walk"
+    return undeclared(fit) if walk else None
 
-    A warning where the samples are a random walk, which say neither; most motions are what they look like.
-    """
-    records = fit.records or ()
-    left = [(rec, name) for rec in records for name in rec.inputs if rec._seen.get(name) == OPEN]
+
+def undeclared(fit: Estimates) -> Doubt | None:
+    """That an input which nobody declared fits as well held, or smooth, with other estimates."""
+    records, left = fit.records or (), _left(fit)
     if fit.again is None or not left:
         return None
     first, name = left[0]
@@ -38,11 +42,15 @@ def undeclared(fit: Estimates) -> Doubt | None:
     parameter, was, now, _ = furthest(fit, other)
     held, moved = (kinds, read) if word == "zoh" else (read, kinds)
     given, else_given = (held, moved) if len(read) > 1 else (held[0], moved[0])
-    walk = form_of(first[name], None if first.dt else first.t) == "walk"
     return Doubt(
         f"Nobody declared how input {name!r} goes between samples. {how}, it fits about as "
         f"well (BIC {'falls' if fallen > 0 else 'rises'} by {abs(fallen):.2g}), and {parameter} is {now} "
         f"instead of {was}. If it was held, give intersample={given!r}; else declare "
         f"intersample={else_given!r}.",
-        sure=walk,
+        sure=form_of(first[name], None if first.dt else first.t) == "walk",
     )
+
+
+def _left(fit: Estimates) -> list[tuple[Record, str]]:
+    """Inputs whose reading was left open, each with its record."""
+    return [(rec, name) for rec in fit.records or () for name in rec.inputs if rec._seen.get(name) == OPEN]
