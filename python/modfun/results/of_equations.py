@@ -187,7 +187,7 @@ class EquationFit(Fit):
                 f"{said(whole)} has no value at {bad.size} of {values.size} samples of record {k}, first at "
                 f"t = {rec.t[first]:.4g} s, where {said(inner)} is {values[first]:.3g}: cut the record to "
                 f"where {said(inner)} stays above {least:.3g}{clear}, such as {parts}{given}. An output "
-                f"error takes the whole record, from starts, mf.rivals.output_error(model, start={{{starts}}})."
+                f"error takes all of it, from starts, mf.rivals.output_error(model, start={{{starts}}})."
             )
         return ""
 
