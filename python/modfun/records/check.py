@@ -12,6 +12,7 @@ from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import angle_of
+from .columns import Told, doubtful_step
 from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
 from .joints import joints
 from .mask import leaving_out, runs
@@ -90,10 +91,12 @@ def _missing(record: Samples) -> Iterator[str]:
 
 def _clock(record: Samples) -> Iterator[str]:
     usual = float(np.median(np.diff(record.t)))
-    if usual >= 2 and not record._timed and np.all(record.t == np.rint(record.t)):
+    doubt = None if record._timed else doubtful_step(record.t, "t", Told())
+    if doubt is not None and doubt[1] in ("ms", "us"):
+        word, size = ("milliseconds", 1e-3) if doubt[1] == "ms" else ("microseconds", 1e-6)
         yield (
-            f"Steps of {usual:g} are taken as seconds; if they are milliseconds, give dt={1e-3 * usual:g}, "
-            "or the times in seconds."
+            f"Steps of {usual:g} are taken as seconds; if they are {word}, give dt={size * usual:g}, or the "
+            "times in seconds."
         )
     if record.dt is not None:
         return

@@ -222,7 +222,7 @@ def read(
     forms = {new: told.intersample[name] for new, name in into.items() if name in told.intersample}
     if clock is not None and (doubt := doubtful_step(values[clock], clock, told)) is not None:
         step, unit = doubt
-        word = {"ms": "milliseconds", "d": "days, as the dates of spreadsheets"}[unit]
+        word = {"ms": "milliseconds", "us": "microseconds", "d": "days, as the dates of spreadsheets"}[unit]
         warnings.warn(
             f"read: {table.label}: {clock!r} has no unit and steps of {step:g}, which are taken as seconds; "
             f"if they are {word}, give units={{{clock!r}: {unit!r}}}, else units={{{clock!r}: 's'}}",
