@@ -154,10 +154,18 @@ def one_record(fit: Estimates) -> Doubt | None:
 
 
 def bounded(fit: Estimates) -> Doubt | None:
-    """That parameters ended on bounds, or why: a record of regulation holds no plant, whatever its bounds."""
+    """That parameters ended on bounds, or why: a record of regulation holds no plant, whatever its bounds.
+
+    A delay ends at 0, and what has no sign, too, where the model misses something else.
+    """
     doubt = on_bound(fit)
-    loop = feedback(fit) if doubt else None
-    return fed_back(fit) if loop and loop.regulates else doubt
+    if doubt is None:
+        return None
+    loop = feedback(fit)
+    if loop and loop.regulates:
+        return fed_back(fit)
+    cause = unexplained(fit) if all(fit[name] == 0 for name in fit.at_bound) else None
+    return cause if cause and cause.sure else doubt
 
 
 def fed_back(fit: Estimates) -> Doubt | None:

@@ -85,9 +85,15 @@ def on_bound(fit: Estimates) -> Doubt | None:
     if not fit.at_bound:
         return None
     which, them = ("a bound", "it") if len(fit.at_bound) == 1 else ("bounds", "them")
+    none = all(name.startswith("delay") and fit[name] == 0 for name in fit.at_bound)
+    cure = (
+        f"Leave {them} out, or take fewer poles: poles do what a delay does."
+        if none
+        else f"Widen it, or hold {them} there if that is known."
+    )
     return Doubt(
         f"{', '.join(fit.at_bound)} ended on {which}: the data would have {them} elsewhere, and the other "
-        f"standard errors hold only if the bound is right. Widen it, or hold {them} there if that is known."
+        f"standard errors hold only if the bound is right. {cure}"
     )
 
 
