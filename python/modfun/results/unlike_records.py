@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import log
 
 import numpy as np
 
@@ -18,6 +19,9 @@ __all__ = ["unlike_alone", "unlike_records"]
 
 MOST = 64  # records that are fitted alone
 SHOWN = 2  # parameters
+DROWNED = 10.0  # times the usual level of records
+CLOCKS = (10.0, 0.1, 2.0, 0.5, 4.0, 0.25, 5.0, 0.2, 100.0, 0.01, 1000.0, 0.001, 60.0, 1 / 60)  # usual slips
+SLACK = 0.15  # of the logarithm of a speed
 
 
 def unlike_records(fit: Estimates) -> Doubt | None:
@@ -28,6 +32,8 @@ def unlike_records(fit: Estimates) -> Doubt | None:
     nothing of parameters.
     """
     each, right = _alone(fit)
+    if each and (clock := _of_clock(fit, _on_own_bands(fit, each, right))):
+        return Doubt(clock)
     if not right:
         return None
     if len(right) < len(each):
@@ -65,11 +71,27 @@ def _alone(fit: Estimates) -> tuple[list[Estimates | None], list[int]]:
     records = fit.records or ()
     if not 1 < len(records) <= MOST or fit.again is None or not fit.params.size:
         return [], []
-    if fit.usable and fit.success and not level_p(fit) < SURE:
+    if fit.usable and fit.success and not level_p(fit) < SURE and not _drowned(fit):
         return [], []
     options = on_band(fit, fit.band) if fit.usable else fit.options
     each = [again_at_all(fit, (rec,), fit.structure, options) for rec in records]
-    return each, [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
+    right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
+    if (
+        fit.usable
+        and 2 * len(right) <= len(each)
+        and fit.options.band is None
+        and fit.options.harmonics is None
+    ):
+        # A band that one record with a wrong clock asks for suits no other.
+        each = [again_at_all(fit, (rec,), fit.structure, fit.options) for rec in records]
+        right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
+    return each, right
+
+
+def _drowned(fit: Estimates) -> bool:
+    """Whether one record has so high a level of its own that it counts for nothing."""
+    levels = fit.record_levels
+    return levels is not None and bool(np.max(levels) > DROWNED * np.median(levels))
 
 
 def unlike_alone(fit: Estimates) -> tuple[int, Estimates | None] | None:
@@ -116,6 +138,46 @@ def _of_channels(fit: Estimates, base: Estimates | None, right: Sequence[int]) -
         found.append(change)
     whole = again(fit, tuple(changed), fit.structure, fit.options)
     return found if whole is not None and _right(whole) else []
+
+
+def _on_own_bands(fit: Estimates, each: Sequence[Estimates | None], right: Sequence[int]) -> list[Estimates]:
+    """Fits of each record, all of which leave only the noise; nothing where one does not.
+
+    On bands of their own where that of all suits some only, as one that a record with a wrong clock asks for.
+    """
+    found, free = list(each), fit.options.band is None and fit.options.harmonics is None
+    for k in sorted({*range(len(each))} - {*right}) if free and fit.layout.rational else ():
+        found[k] = again(fit, (fit.records[k],), fit.structure, fit.options) if fit.records else None
+    alone = [own for own in found if own is not None and _right(own, len(each))]
+    return alone if len(alone) == len(each) else []
+
+
+def _of_clock(fit: Estimates, fits: Sequence[Estimates]) -> str:
+    """That one record is as fast as with another time step, in words; nothing where none is."""
+    records = fit.records or ()
+    if not fit.layout.rational:
+        return ""
+    each = [own.layout.polynomials(own.params, 0)[0] for own in fits]
+    for k, own in enumerate(each):
+        others, dt = [den for j, den in enumerate(each) if j != k], records[k].dt
+        for size in CLOCKS if dt else ():
+            if dt and all(_faster(own, den, size) for den in others):
+                speed = f"{size:g} times as fast as" if size > 1 else f"{1 / size:g} times slower than"
+                either = ", unless that of the other is wrong" if len(each) == 2 else ""
+                return (
+                    f"Record {k} by itself is explained up to its noise, as the others are, and is {speed} "
+                    f"they: its time step seems to be {dt * size:.4g} s and not {dt:.4g} s{either}. First "
+                    "look at its clock."
+                )
+    return ""
+
+
+def _faster(one: F64, other: F64, size: float) -> bool:
+    """Whether the coefficients of a denominator are those of another one in a time that is scaled so."""
+    orders = np.arange(1, one.size)
+    with np.errstate(all="ignore"):
+        off = np.log(one[1:] / other[1:]) - orders * log(size)
+    return one.size > 1 and bool(np.all(np.abs(off) < SLACK * orders))
 
 
 def _p_value(values: F64, covs: Sequence[F64]) -> float:
