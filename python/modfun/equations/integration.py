@@ -16,6 +16,7 @@ from ..systems.propagate import spline, too_steep
 __all__ = ["Function", "Signal", "integrate", "signal"]
 
 MOST = (200_000, 50)  # the core may take so many steps, and so many a sample
+WIDTH, WIDEST = 1e-6, 1e-5  # of a switch, in sizes of the states
 
 
 # Inputs -------------------------------------------------------------------------------------------
@@ -120,6 +121,7 @@ def integrate(
     pasts: Sequence[tuple[int, float]],
     theta: F64,
     rtol: float,
+    slides: bool = False,
 ) -> F64:
     """States (state, start, time).
 
@@ -136,6 +138,8 @@ def integrate(
     theta : ndarray, shape (parameter, start)
     rtol : float
         Relative error of a step.
+    slides : bool, default False
+        Whether the tape takes widths of states, within which ramps stand for what jumps.
 
     Raises
     ------
@@ -143,10 +147,12 @@ def integrate(
         The states leave all bounds; the text says when.
     """
     absolute = np.full(len(starts), rtol * 1e-3)
-    first, own = np.ascontiguousarray(starts.T), np.ascontiguousarray(theta.T)
+    width = np.full(len(starts) if slides else 0, WIDTH)
+    first = np.ascontiguousarray(starts.T)
     most = MOST[0] + MOST[1] * grid.size
     x = starts[:, :, None]
     for _ in range(3):
+        own = np.hstack([theta.T, np.tile(width, (len(first), 1))])
         found, left, largest = core_integrate(
             tape, grid, drives, list(pasts), first, own, rtol, absolute, most
         )
@@ -158,10 +164,13 @@ def integrate(
         if left is not None or found is None:
             raise _outside(float(grid[0]) if left is None else left, float(grid[0]))
         x = np.ascontiguousarray(found.transpose(2, 1, 0))
-        finer = _finer(absolute, rtol, np.abs(x).max(axis=(1, 2)))
-        if finer is None:
+        peak = np.abs(x).max(axis=(1, 2))
+        finer = _finer(absolute, rtol, peak)
+        wide = (width > WIDEST * peak[: width.size]) & (peak[: width.size] > 0)
+        if finer is None and not wide.any():
             break
-        absolute = finer
+        absolute = absolute if finer is None else finer
+        width = np.where(wide, WIDTH * peak[: width.size], width)
     return x
 
 

@@ -245,7 +245,7 @@ class NonlinearModel:
         grid = grid[:length]
         at = np.searchsorted(fine, grid)
         fine, shaped = fine[: at[-1] + 1], np.ascontiguousarray(shaped[:, : at[-1]])
-        x = integrate(form.tape, starts, fine, shaped, pasts, columns, rtol)[:, :, at]
+        x = integrate(form.tape, starts, fine, shaped, pasts, columns, rtol, form.slides)[:, :, at]
         return self._measured(grid, x, drives, known, params), x
 
     def _measured(self, grid: F64, x: F64, drives: list[Any], known: list[Any], params: F64 | None) -> F64:

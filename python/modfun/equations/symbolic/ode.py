@@ -12,6 +12,7 @@ from sympy.solvers.solveset import NonlinearError
 
 from ...errors import SpecError
 from .compiled import Compiled, Delayed, jet, time
+from .slides import ramped
 from .tape import Operation, tape
 
 __all__ = ["Drive", "FirstOrder", "first_order", "with_trend"]
@@ -54,7 +55,9 @@ class FirstOrder:
     feeds : bool
         Whether g needs drives or known functions.
     tape : tuple
-        f for the compiled core, of t, x, drives, known, pasts and θ.
+        f for the compiled core, of t, x, drives, known, pasts, θ and widths.
+    slides : bool
+        Whether f jumps where states do, and the tape takes widths of states, within which it does not.
     """
 
     states: tuple[str, ...]
@@ -65,6 +68,7 @@ class FirstOrder:
     delays: Callable[..., Sequence[Any]]
     feeds: bool
     tape: tuple[list[Operation], list[int]]
+    slides: bool
 
 
 @lru_cache(maxsize=64)
@@ -149,6 +153,7 @@ def first_order(
             f"params={dict.fromkeys(names, 1.0)}"
         )
     arguments = [time, x, v, list(known), theta]
+    smooth, widths = ramped(f, x)
     return FirstOrder(
         states=tuple(map(str, x)),
         drives=tuple(drives.values()),
@@ -157,7 +162,8 @@ def first_order(
         outputs=_function(arguments, g),
         delays=_function([theta], late),
         feeds=any(e.free_symbols & {*drives, *known} for e in g),
-        tape=tape(f, [time, *x, *drives, *known, *pasts, *theta]),
+        tape=tape(smooth, [time, *x, *drives, *known, *pasts, *theta, *widths]),
+        slides=bool(widths),
     )
 
 
