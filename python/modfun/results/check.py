@@ -250,8 +250,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, bounded, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
     off_centre, in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent,
-    swapped, fed_back, unexplained, one_cause, unsettled, unstable, condition, uncertain_poles, wandering,
-    twin,
+    swapped, fed_back, unexplained, one_cause, flips, unsettled, unstable, condition, uncertain_poles,
+    wandering, twin,
 )  # fmt: skip
 
 
@@ -317,7 +317,6 @@ def check(fit: Estimates, line: str) -> Findings:
             biased(fit),
             minima(fit),
             few_samples(fit),
-            flips(fit),
             in_hertz(fit),
             beyond(fit),
         ]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.names import listed
 from ..language.parser import Node
 from .doubts import FINEST, Doubt, pieces, rms
@@ -9,6 +11,7 @@ from .estimates import Estimates
 
 __all__ = ["flips", "jumps"]
 
+SEEN = 4.0  # standard errors, which are too small, from zero
 STEPS = ("step", "where", "sign", "floor")
 
 
@@ -35,21 +38,50 @@ def _of_time(fit: Estimates, node: Node) -> bool:
 
 
 def flips(fit: Estimates) -> Doubt | None:
-    """That equations take the sign of a noisy output that goes through zero."""
-    if fit.options.cov_type == "HC3" or fit.noise_levels.shape[1:] != (len(fit.outputs),):
+    """That equations take the sign of a noisy output that goes through zero, and that it matters.
+
+    Noise moves the instants of jumps, and samples see these up to half an interval off; where dry friction
+    holds a state, its sign is that of noise alone. Errors of HC3 do not count it either.
+    """
+    if fit.noise_levels.shape[1:] != (len(fit.outputs),):
         return None
-    for _, node in pieces(fit):
-        parts = [each for each in node.walk() if each.kind == "name"]
-        if node.kind != "call" or node.value != "sign" or len(parts) != 1:
-            continue
-        name = parts[0].value
-        if parts[0].primes == 0 and name in fit.outputs and _flips(fit, name):
-            return Doubt(
-                f"sign({name}) takes the sign of noise where {name} goes through zero, which standard "
-                'errors do not count: they may be several times too small. Compare cov_type="HC3".',
-                sure=False,
-            )
-    return None
+    names = [name for name in _signs(fit) if _flips(fit, name)]
+    if not names:
+        return None
+    name = names[0]
+    return Doubt(
+        f"sign({name}) takes the sign of noise where {name} goes through zero, which standard errors do not "
+        "count: they may be several times too small. First try output error from here, mf.rivals.output_error("
+        "fit.structure, start=dict(zip(fit.param_names, fit.params))).solve(rec), which integrates the equations.",
+        sure=any(_matters(fit, own) for own in _signs(fit)[name]),
+    )
+
+
+def _signs(fit: Estimates) -> dict[str, list[set[str]]]:
+    """Outputs of which equations take the sign, with the names in each term that does."""
+    found: dict[str, list[set[str]]] = {}
+    for text in getattr(fit.structure, "parsed", ()):
+        for term in _terms(text.tree):
+            for node in term.walk():
+                parts = [each for each in node.walk() if each.kind == "name"]
+                signs = node.kind == "call" and node.value == "sign" and len(parts) == 1
+                if signs and parts[0].primes == 0 and parts[0].value in fit.outputs:
+                    names = {str(each.value) for each in term.walk() if each.kind == "name"}
+                    found.setdefault(parts[0].value, []).append(names)
+    return found
+
+
+def _terms(node: Node) -> list[Node]:
+    """Terms of a sum, on both sides of an equation."""
+    if node.kind in ("sum", "negative", "compare"):
+        return [term for part in node.parts for term in _terms(part)]
+    return [node]
+
+
+def _matters(fit: Estimates, names: set[str]) -> bool:
+    """Whether no parameter of a term may be zero."""
+    own = [k for k, name in enumerate(fit.param_names) if name in names]
+    return bool(np.all(np.abs(fit.params[own]) > SEEN * fit.bse[own]))
 
 
 def _flips(fit: Estimates, name: str) -> bool:
