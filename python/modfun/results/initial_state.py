@@ -185,6 +185,7 @@ def _columns(system: LTI, rec: Record, terms: int, algebraic: Sequence[int], fre
     return columns + [-np.eye(outputs)[:, [i]] * u for i in algebraic for u in shapes]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what leaves the range of numbers has words of its own
 def find_state(
     model: NonlinearModel, rec: Record, trend: str | None = None, state: F64 | None = None
 ) -> tuple[F64, InitialState]:

@@ -51,8 +51,8 @@ def flips(fit: Estimates) -> Doubt | None:
     name = names[0]
     return Doubt(
         f"sign({name}) takes the sign of noise where {name} goes through zero, which standard errors do not "
-        "count: they may be several times too small. First try output error from here, mf.rivals.output_error("
-        "fit.structure, start=dict(zip(fit.param_names, fit.params))).solve(rec), which integrates the equations.",
+        "count: they may be several times too small. First try output error, which integrates the equations, "
+        "mf.rivals.output_error(fit.structure, start=dict(zip(fit.param_names, fit.params))).solve(rec).",
         sure=any(_matters(fit, own) for own in _signs(fit)[name]),
     )
 
