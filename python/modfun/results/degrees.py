@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,15 @@ from ..base.units import scale
 from ..errors import SpecError
 from ..language.parser import Node
 from .cures import ENOUGH, again, on_band
-from .diagnosis import level_p
+from .diagnosis import level_p, level_ratio
 from .doubts import SURE, Doubt, pieces
 from .estimates import Estimates
 
 __all__ = ["in_degrees"]
 
 TURN = 2.0  # an angle in radians is seldom beyond, and one in degrees always
+UNSEEN, CLEAR = 2.0, 10.0  # standard errors of a parameter from zero: of none, and without a doubt
+MORE = 1.2  # times the residuals that a fit with clear parameters may leave
 
 
 def in_degrees(fit: Estimates) -> Doubt | None:
@@ -68,18 +71,41 @@ def _undeclared(fit: Estimates, angles: dict[str, str]) -> Doubt | None:
     if not names or fit.again is None:
         return None
     options = (on_band(fit, fit.band) if fit.usable else fit.options).replace(trend=fit.trend)
+    names += _rates(fit, names)
     turned = []
     for rec in records:
         rows: dict[str, Any] = {name: np.deg2rad(rec[name]) for name in names}
         turned.append(rec.assign(**rows))
     other = again(fit, tuple(turned), fit.structure, options)
-    if other is None or not other.success or not ENOUGH < level_p(other) < 1 - SURE:
+    if other is None or not other.success:
+        return None
+    noise_alone = ENOUGH < level_p(other) < 1 - SURE
+    if not (noise_alone or _comes_clear(fit, other)):
         return None
     if fit.success and ENOUGH < level_p(fit) < 1 - ENOUGH:
         return None
+    left = "only the noise is left" if noise_alone else "every parameter is many standard errors from zero"
     code = ", ".join(f"{name}=np.deg2rad(rec[{name!r}])" for name in names)
-    calls = [f"{angles[name]}() of {name}, which goes to {tops[name]:.4g}" for name in names]
+    calls = [f"{angles[name]}() of {name}, which goes to {tops[name]:.4g}" for name in names if name in tops]
     return Doubt(
         f"The equations take {listed(calls)}: with {'these' if len(names) > 1 else 'this'} read as degrees "
-        f"only the noise is left. First give radians, rec.assign({code})."
+        f"{left}. First give radians, rec.assign({code})."
     )
+
+
+def _rates(fit: Estimates, names: list[str]) -> list[str]:
+    """Outputs without a unit that equations say to be the rates of these, th' = w."""
+    found = [
+        match[1]
+        for text in fit.structure.texts
+        for name in names
+        if (match := re.fullmatch(rf"\s*{re.escape(name)}'\s*=\s*(\w+)\s*", text))
+    ]
+    return [name for name in found if name in fit.outputs and name not in fit.units and name not in names]
+
+
+def _comes_clear(fit: Estimates, other: Estimates) -> bool:
+    """Whether all parameters are far from zero in another fit that leaves no more, where one here is not."""
+    with np.errstate(all="ignore"):
+        here, there = (float(np.min(np.abs(one.params / one.bse))) for one in (fit, other))
+    return not here > UNSEEN and there > CLEAR and level_ratio(other) < MORE * level_ratio(fit)

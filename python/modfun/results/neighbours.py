@@ -30,6 +30,7 @@ ZERO = "extra_zero"  # and of another beside it
 LEVER = "lever_"  # first word of that of a sensor away from the reference point
 LATEST = 12  # samples of an input that acts late, where its delay is no parameter
 BENDS = 1.0  # rad: below, a sine is a line and a cube
+TURNS = 4 * math.pi  # rad: beyond, what is no angle is as likely
 ABOUT = 0.8  # a number that is nearly 1, as that of the yaw rate in the equation of sideslip
 FARTHEST = 3.0  # times what a score test finds of a lever
 SPIKE = 10.0  # times the mean fourth difference: a sample that stands out
@@ -262,8 +263,13 @@ def _products(fit: Estimates, model: Equation) -> list[str]:
     found = [f"{x}*{z}" for x, z in combinations((*model.outputs, *model.inputs), 2) if x in model.outputs]
     for y in model.outputs:
         found += [f"{y}*abs({y})", f"{y}*{y}'", f"{y}**2*{y}'"]
-        if any(np.abs(rec[y]).max() > BENDS for rec in fit.records or ()):
+        if not fit.records:
+            continue
+        low, high = (bound([bound(rec[y]) for rec in fit.records]) for bound in (np.min, np.max))
+        if BENDS < max(-low, high) < TURNS:
             found.append(f"sin({y})")
+        if low > 0:  # what is always above zero, as absolute temperatures, radiates
+            found.append(f"{y}**4")
     return found
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
+
 import modfun as mf
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 PENDULUM = mf.Equation("th'' + d*th' + w2*sin(th) = b*u")
+RUBBED = mf.Equation(["th' = w", "w' = -k*sin(th) - c*w - fc*sign(w) + u"], outputs=["th", "w"], inputs=["u"])
 TRUE = np.array([0.2, 6.0, 2.0])
 
 
@@ -46,3 +49,25 @@ def test_a_pendulum_that_turns_over_is_not_in_degrees():
     fit = mf.fit(rec, PENDULUM)
     assert np.all(abs(fit.params - TRUE) < 4 * fit.bse)
     assert "degrees" not in str(fit.check())
+
+
+def rubbed(unit: float, seed: int = 4) -> mf.Record:
+    """A pendulum with dry friction, its angle and rate in radians times `unit`."""
+    t = 0.01 * np.arange(2001)
+    phase = np.random.default_rng(seed).uniform(0, 6, 4)
+    u = np.sin(np.outer(t, [1.5, 2.7, 4.0, 5.2]) + phase) @ np.array([2.0, 2.4, 2.0, 1.2])
+    y = RUBBED.model({"k": 19.6, "c": 0.15, "fc": 0.8}).simulate(u=u, t=t, initial_state=[0.3, 0.3])
+    y = y + np.array([[0.01], [0.1]]) * np.random.default_rng(seed).standard_normal(y.shape)
+    return mf.Record(y=unit * y, u=u, t=t, outputs=["th", "w"], inputs=["u"], intersample="smooth")
+
+
+def test_degrees_are_named_with_rates_and_where_more_than_noise_is_left():
+    with pytest.warns(mf.ModfunWarning, match=r"th=np.deg2rad\(rec\['th'\]\), w=np.deg2rad\(rec\['w'\]\)"):
+        fit = mf.fit(rubbed(180 / np.pi), RUBBED)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # NumPy's own overflows had leaked
+        with pytest.raises(mf.DataError, match="leaves"):
+            fit.score()
+    with pytest.warns(mf.ModfunWarning, match="takes the sign of noise"):
+        fit = mf.fit(rubbed(1.0), RUBBED)
+    assert "read as degrees" not in str(fit.check())

@@ -74,3 +74,21 @@ def test_one_delay_of_all_inputs_is_named():
     rec = mf.Record(y=y[:-4], u={name: seen[name][4:] for name in ("u1", "u2")}, dt=seen.dt)
     with pytest.warns(mf.ModfunWarning, match=r"First try a delay of u1, u2, u1\(t - h\), u2\(t - h\) with"):
         mf.fit(rec, mf.Equation(PUSHED))
+
+
+def test_forgotten_radiation_is_named_and_no_sine_of_a_temperature():
+    model = mf.Equation("T' = p*P - h*(T - 293) - r*(T**4 - 293**4)", outputs="T", inputs="P")
+    power = np.repeat(np.random.default_rng(3).choice([0.0, 150.0, 300.0, 450.0], 30), 24)
+    rec = mf.simulate(
+        model.model({"p": 2e-3, "h": 8e-4, "r": 1.5e-12}),
+        input=power,
+        duration=5.0 * (power.size - 1),
+        intervals=power.size - 1,
+        initial_state=[300.0],
+        intersample="zoh",
+    )
+    warm = rec.assign(T=rec["T"] + np.random.default_rng(3).standard_normal(rec.t.size))
+    with pytest.warns(mf.ModfunWarning):
+        fit = mf.fit(warm, mf.Equation("T' = p*P - h*(T - 293)", outputs="T", inputs="P"))
+    assert "a term in T**4 (coefficient -1." in str(fit.check())
+    assert "sin(T)" not in str(fit.check())
