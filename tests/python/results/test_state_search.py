@@ -1,8 +1,11 @@
 """The initial state of a fit's simulation, where few samples make a cycle."""
 
+import warnings
+
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.results.initial_state import find_state
 from scipy.integrate import solve_ivp
 
 PREY = mf.Equation(
@@ -43,3 +46,13 @@ def test_a_fit_with_dry_friction_prints():
         fit = mf.fit(rec, mf.Equation("w' = g*i - d*w - c*sign(w)", outputs="w", inputs="i"))
     assert fit.params == pytest.approx([25.0, 0.5, 10.0], rel=0.2)
     assert "g=" in repr(fit)
+
+
+def test_a_response_beyond_the_range_of_numbers_is_refused_in_words_alone():
+    """The squares of its derivatives overflowed, and NumPy said so first."""
+    model = mf.Equation("y' = a*y + b*sin(y)", outputs="y").model({"a": 13.0, "b": 1.0})
+    t = 0.02 * np.arange(1501)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(mf.DataError, match="leaves"):
+            find_state(model, mf.Record(y={"y": 1 + 0.1 * np.sin(t)}, t=t))
