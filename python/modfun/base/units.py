@@ -13,7 +13,7 @@ from ..errors import SpecError
 from .names import nearest
 from .optional import optional
 
-__all__ = ["TIMES", "Scale", "angle_of", "any_scale", "scale", "seconds_in"]
+__all__ = ["TIMES", "Scale", "angle_of", "any_scale", "counted_in", "scale", "seconds_in"]
 
 # Seconds in each unit of time, and its other spellings.
 TIMES: dict[str, tuple[float, tuple[str, ...]]] = {
@@ -27,6 +27,9 @@ TIMES: dict[str, tuple[float, tuple[str, ...]]] = {
     "week": (604800.0, ("weeks", "woche", "wochen")),
 }
 _SPELLED = {word: name for name, (_, words) in TIMES.items() for word in (name, *words)}
+
+# Steps from which on whole numbers without a unit are likelier in it.
+COUNTED = (("ns", 5e6), ("us", 1e3), ("ms", 2.0))
 
 # Size of each unit in rad, m, kg, s, K, A, and its powers of these (a: angle).
 _BASE: dict[str, tuple[float, dict[str, int]]] = {
@@ -65,6 +68,18 @@ _ALIKE = {
 }  # fmt: skip
 _POINTS = {"°C": (1.0, 273.15), "°F": (5 / 9, 459.67 * 5 / 9)}  # K: factor, and that of zero
 _PART = re.compile(r"([*/·\s])?\s*([^\d\s*/·^()²³]+|1)(?:(?:\^|\*\*)?(-?\d)|([²³]))?")
+
+
+def counted_in(step: float) -> str | None:
+    """The unit smaller than a second that steps of whole numbers may have; None where these are seconds.
+
+    Examples
+    --------
+    >>> counted_in(20.0), counted_in(10_000.0), counted_in(60.0)
+    ('ms', 'us', None)
+    """
+    minutes = step in (60, 120, 300, 600, 900, 1800, 3600)
+    return None if minutes else next((unit for unit, least in COUNTED if step >= least), None)
 
 
 @dataclass(frozen=True)

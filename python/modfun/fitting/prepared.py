@@ -389,9 +389,9 @@ def refuse_uneven(late: float, times: F64) -> NoReturn:
         f"fit: a delay of {late:g} s needs even sampling, and the record's steps are uneven; {clock}"
         f"resample it: t = np.arange(rec.t[0], rec.t[-1], {step:.4g}), then "
         "mf.Record({y: np.interp(t, rec.t, rec[y]) for y in rec.outputs}, "
-        f"{{u: np.interp(t, rec.t, rec[u]) for u in rec.inputs}}, dt={step:.4g}, "
-        'intersample="foh"), since held inputs are straight lines so; what the times of a command are off by '
-        "goes into the delay. Or leave the delay out"
+        f'{{u: np.interp(t, rec.t, rec[u]) for u in rec.inputs}}, dt={step:.4g}, intersample="foh"), as '
+        "these inputs go straight then, and what the times of a command jitter goes into the delay; or leave "
+        "the delay out"
     )
 
 

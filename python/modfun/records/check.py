@@ -11,8 +11,7 @@ from ..base.arrays import F64
 from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
-from ..base.units import angle_of
-from .columns import Told, doubtful_step
+from ..base.units import TIMES, angle_of, counted_in
 from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
 from .joints import joints
 from .mask import leaving_out, runs
@@ -24,7 +23,8 @@ __all__ = ["check_record", "dropped_samples", "frozen_samples", "mixed_angles", 
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
-TIMES = 3  # that are said
+SAID = 3  # times
+SLOW = 10  # s: times without a unit and shorter steps are taken as seconds in silence
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
 
@@ -91,12 +91,12 @@ def _missing(record: Samples) -> Iterator[str]:
 
 def _clock(record: Samples) -> Iterator[str]:
     usual = float(np.median(np.diff(record.t)))
-    doubt = None if record._timed else doubtful_step(record.t, "t", Told())
-    if doubt is not None and doubt[1] in ("ms", "us"):
-        word, size = ("milliseconds", 1e-3) if doubt[1] == "ms" else ("microseconds", 1e-6)
+    unit = counted_in(usual) if usual >= SLOW and not record._timed else None
+    if unit and np.all(record.t == np.rint(record.t)):
+        seconds, words = TIMES[unit]
         yield (
-            f"Steps of {usual:g} are taken as seconds; if they are {word}, give dt={size * usual:g}, or the "
-            "times in seconds."
+            f"Steps of {usual:g} are taken as seconds; if they are {words[-2]}, give dt={seconds * usual:g}, "
+            "or the times in seconds."
         )
     if record.dt is not None:
         return
@@ -404,8 +404,8 @@ def dropped_samples(record: Samples, name: str) -> Iterator[str]:
 
 def _first_times(record: Samples, places: NDArray[np.intp]) -> str:
     """The first times of these samples, in words."""
-    shown = ", ".join([f"{time:.6g}" for time in record.t[places[:TIMES]]])
-    return f"{shown}, …" if places.size > TIMES else shown
+    shown = ", ".join([f"{time:.6g}" for time in record.t[places[:SAID]]])
+    return f"{shown}, …" if places.size > SAID else shown
 
 
 def _outliers(record: Samples, name: str) -> Iterator[str]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from ..base.names import listed
 from ..base.samples import even_step
-from ..base.units import TIMES, seconds_in
+from ..base.units import TIMES, counted_in, seconds_in
 from ..errors import DataError, SpecError
 from ..files.delimited import is_date, numbers
 
@@ -41,9 +41,9 @@ TIME_WORDS = frozenset(
     ("t", "time", "timestamp", "elapsed time", "utc", "gmt", "irig", "irig time", "zeit", "zeitstempel")
 )
 DAY = TIMES["d"][0]
-QUARTER, MICRO = 15.0, 1000.0  # steps of whole numbers that are seconds, and those that are microseconds
 OTHERWISE = ("d", "std", "tag")  # "t_d" is a delay, "t_std" a standard deviation, "time tag" an instant
 # A name and its unit without brackets: "Zeit/min", "t_ms", "Time, s", "Zeit in Std".
+GLUED = re.compile(r"(time|timestamp)(ms|us|ns)")  # the TimeUS of ArduPilot
 BARE = re.compile(r"(.*?[^\s_/,])[\s_/,]+(?:in[\s_]+)?([^\s_/,]+)")
 SERIAL = (20_000, 80_000)  # days
 CLOCKS = (1e9, 2.2e9)  # seconds since 1970
@@ -152,8 +152,7 @@ def _time_word(name: str) -> tuple[str, str]:
     unit = unit_of(name).lower()
     if unit:
         return re.split(r"[\[(]", word)[0].strip(" _"), "" if unit in TIME_WORDS else unit  # "Time (UTC)"
-    parted = re.sub(r"(?<=[a-z])(?=[A-Z]+$)", "_", name.strip(" _")).lower()  # autopilots write TimeUS
-    bare = BARE.fullmatch(word) or BARE.fullmatch(parted)
+    bare = GLUED.fullmatch(word) or BARE.fullmatch(word)
     if bare and seconds_in(bare[2]) and (bare[2] not in OTHERWISE or bare[1] == "zeit"):
         return bare[1], bare[2]
     return word, word if seconds_in(word) else ""
@@ -236,17 +235,16 @@ def dated(table: Columns, pair: Sequence[str]) -> tuple[Columns, str]:
 def doubtful_step(times: F64, name: str, told: Told) -> tuple[float, str] | None:
     """Return the usual step of times without a unit that may not be seconds, and the unit they may have.
 
-    Whole numbers with steps of 2 or more may be milliseconds, with steps of 1000 or more rather microseconds,
-    and serial dates are days. Plants are sampled every quarter of a minute, or at multiples of that.
+    Whole numbers with steps of 2 or more may be milli-, micro- or nanoseconds, unless they are seconds since
+    1970 or minutes, and serial dates are days.
     """
     if unit_of_times(name, told) or times.size < 2 or not np.isfinite(times).all():
         return None
     steps = np.diff(times)
     usual = float(np.median(steps))
     if not np.any(times != np.rint(times)):
-        if usual < 2 or (usual % QUARTER == 0 and usual < MICRO):
-            return None
-        return usual, "us" if usual >= MICRO else "ms"
+        unit = None if since_1970(times) else counted_in(usual)
+        return (usual, unit) if unit else None
     mean = float(np.mean(steps))  # of dates with few decimals the usual step is coarse
     if are_serial(times) and (0 < usual < FASTEST or any(map(_whole_of_days, (usual, mean)))):
         return usual, "d"

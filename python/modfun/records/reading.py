@@ -139,8 +139,8 @@ def read(
     Warns
     -----
     ModfunWarning
-        Where times without a unit are whole numbers with steps of 2 or more, as milliseconds are, or look
-        like the serial dates of spreadsheets, which are days.
+        Where times without a unit are whole numbers with steps of 2 or more, as milliseconds and
+        microseconds are, or look like the serial dates of spreadsheets, which are days.
 
     See Also
     --------
@@ -222,7 +222,7 @@ def read(
     forms = {new: told.intersample[name] for new, name in into.items() if name in told.intersample}
     if clock is not None and (doubt := doubtful_step(values[clock], clock, told)) is not None:
         step, unit = doubt
-        word = {"ms": "milliseconds", "us": "microseconds", "d": "days, as the dates of spreadsheets"}[unit]
+        word = "days, as the dates of spreadsheets" if unit == "d" else TIMES[unit][1][-2]
         warnings.warn(
             f"read: {table.label}: {clock!r} has no unit and steps of {step:g}, which are taken as seconds; "
             f"if they are {word}, give units={{{clock!r}: {unit!r}}}, else units={{{clock!r}: 's'}}",
@@ -243,7 +243,7 @@ def read(
     )
     if isinstance(source, str | os.PathLike):
         record = record._like(source=_origin(Path(source)))
-    if clock is not None and unit_of_times(clock, told):
+    if clock is not None and (unit_of_times(clock, told) or since_1970(values[clock])):
         record = record._like(_timed=True)
     if texts := {new: told.functions[name] for new, name in into.items() if name in told.functions}:
         record = record._like(_functions=texts)

@@ -53,6 +53,7 @@ from .slow_inputs import slow_input
 from .sparse import sparse
 from .stand_in import stand_in
 from .still_inputs import of_still_inputs
+from .stopped import limited_input, too_many_poles
 from .swapped import swapped
 from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared, wandering
@@ -154,18 +155,10 @@ def one_record(fit: Estimates) -> Doubt | None:
 
 
 def bounded(fit: Estimates) -> Doubt | None:
-    """That parameters ended on bounds, or why: a record of regulation holds no plant, whatever its bounds.
-
-    A delay ends at 0, and what has no sign, too, where the model misses something else.
-    """
+    """That parameters ended on bounds, or why: a record of regulation holds no plant, whatever its bounds."""
     doubt = on_bound(fit)
-    if doubt is None:
-        return None
-    loop = feedback(fit)
-    if loop and loop.regulates:
-        return fed_back(fit)
-    cause = unexplained(fit) if all(fit[name] == 0 for name in fit.at_bound) else None
-    return cause if cause and cause.sure else doubt
+    loop = feedback(fit) if doubt else None
+    return fed_back(fit) if loop and loop.regulates else doubt
 
 
 def fed_back(fit: Estimates) -> Doubt | None:
@@ -248,7 +241,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
-    noise_bends, bounded, misbegun, unexpected, stored_late, stands_still, slow_input, in_two_units,
+    noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late, stands_still,
+    slow_input, in_two_units,
     off_centre, in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent,
     swapped, fed_back, unexplained, one_cause, flips, unsettled, unstable, condition, uncertain_poles,
     wandering, twin,

@@ -26,6 +26,7 @@ __all__ = [
     "level_ratio",
     "lower_p",
     "overlapping",
+    "poles_of",
     "surely_stable",
     "worst_colour",
 ]
@@ -176,13 +177,17 @@ def growth(fit: Estimates) -> float:
     """Largest real part of the poles, rad/s, 0 within rounding; nan without poles."""
     if not fit.has_poles:
         return nan
-    if not fit.layout.rational:
-        poles = np.asarray(fit.model.poles())
-    else:
-        poles = np.concatenate([roots_of(fit.polynomials(i)[0]) for _, i in fit.denominators()])
+    poles = poles_of(fit)
     most = float(np.max(poles.real))
     # A double pole at 0, as of a rigid body, is found to the root of the rounding of the largest one.
     return 0.0 if abs(most) < ROUNDING * min(float(np.max(np.abs(poles))), fit.band[1]) else most
+
+
+def poles_of(fit: Estimates) -> F64:
+    """Poles of a linear model, those of a shared denominator once, rad/s."""
+    if not fit.layout.rational:
+        return np.asarray(fit.model.poles())
+    return np.concatenate([roots_of(fit.polynomials(i)[0]) for _, i in fit.denominators()])
 
 
 def surely_stable(denominator: Sequence[float]) -> bool:

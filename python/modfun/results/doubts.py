@@ -62,6 +62,8 @@ LITTLE = 0.5
 EXCHANGED = 2.0  # standard errors between two sets of parameters with the same equations
 CURVED = 0.5  # second differences over first ones, of signals that noise moves by a standard deviation
 
+NARROW = 1e-9  # s: what is closer to a bound is on it
+
 
 @dataclass(frozen=True)
 class Doubt:
@@ -82,19 +84,33 @@ def rms(values: NDArray[np.float64], mean: float) -> float:
 
 def on_bound(fit: Estimates) -> Doubt | None:
     """That parameters ended on their bounds."""
-    if not fit.at_bound:
+    on = [name for name in fit.at_bound if name not in still_held(fit)]
+    if not on:
         return None
-    which, them = ("a bound", "it") if len(fit.at_bound) == 1 else ("bounds", "them")
-    none = all(name.startswith("delay") and fit[name] == 0 for name in fit.at_bound)
+    which, them = ("a bound", "it") if len(on) == 1 else ("bounds", "them")
     cure = (
         f"Leave {them} out, or take fewer poles: poles do what a delay does."
-        if none
+        if all(name.startswith("delay") and fit[name] == 0 for name in on)
         else f"Widen it, or hold {them} there if that is known."
     )
     return Doubt(
-        f"{', '.join(fit.at_bound)} ended on {which}: the data would have {them} elsewhere, and the other "
-        f"standard errors hold only if the bound is right. {cure}"
+        f"{', '.join(on)} ended on {which}: the data would have {them} elsewhere, and the other standard "
+        f"errors hold only if the bound is right. {cure}"
     )
+
+
+def still_held(fit: Estimates) -> list[str]:
+    """Delays inside their bounds that a search which did not settle held for its last steps."""
+    layout: Any = fit.layout
+    if fit.success or not fit.at_bound or not layout.rational:
+        return []
+    late = [layout.paths[k] for k in layout.free_delays]
+    return [
+        path.name
+        for path in late
+        if path.name in fit.at_bound
+        and max(path.delay.min, 0.0) + NARROW < fit[path.name] < path.delay.max - NARROW
+    ]
 
 
 def twin(fit: Estimates) -> Doubt | None:

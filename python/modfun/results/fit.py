@@ -89,8 +89,8 @@ class Fit(Drawn):
     noise_scale : float
         Variance of the noise over what was given (`Noise`) or seen (errors in variables); else nan.
     at_bound : tuple of str
-        Parameters that ended on a bound: 0 in the covariance, so that the others' errors hold given them;
-        nan in `conf_int` and `table`, as their own is not known.
+        Parameters on a bound, or held by a search that did not settle: 0 in the covariance, so that the
+        others' errors hold given them; nan in `conf_int` and `table`, as their own is not known.
     options : Options
         How it was fitted.
     records : tuple of Record or None

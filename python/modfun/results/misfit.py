@@ -140,7 +140,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
     if too_large(d.chi2_p) and not any(DRIVES in doubt.text for doubt, _ in said):
         alone = not explained and not any(doubt.sure for doubt, _ in said)
         found.append(_too_large(fit, d, alone=alone, sure_only=sure_only))
-    elif too_small(d.chi2_p, d.level_ratio):
+    elif fit.success and too_small(d.chi2_p, d.level_ratio):
         found.append(
             Doubt(
                 f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at "

@@ -19,7 +19,7 @@ from .estimates import Estimates
 from .held_numbers import turned, unit_of
 from .regression import rms
 
-__all__ = ["Change", "likeliest_change", "told"]
+__all__ = ["Change", "left_of", "likeliest_change", "told"]
 
 OTHER = 0.03  # relative: a factor closer to 1 is none
 SIGMAS = 4.0  # standard errors, the same of a factor and of a time
@@ -151,6 +151,15 @@ def likeliest_change(base: Estimates, rec: Record, k: int) -> Change | None:
         tried(name, rows, forced[j], -1, every - forced[j])
     # Of those that do the same the first is named.
     return min(found, key=lambda pair: pair[0], default=(inf, None))[1]
+
+
+def left_of(base: Estimates, rec: Record) -> float:
+    """The logarithm of what a fit of other records leaves of one, over its outputs; infinite without one."""
+    moved = _responses(base, rec)
+    if moved is None:
+        return inf
+    every, free = moved[0].sum(axis=0), moved[1]
+    return sum(_Row(rec, i, free[:, i]).left(every[i]) for i in range(len(rec.y)))
 
 
 class _Row:

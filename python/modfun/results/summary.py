@@ -17,7 +17,7 @@ from ..errors import SpecError
 from ..models.noise import Noise
 from .band_end import end_in_words
 from .diagnosis import level_p, level_ratio
-from .doubts import numbers
+from .doubts import numbers, still_held
 from .estimates import Estimates
 from .misfit import too_large, too_small
 from .priors import contradicted_priors, known_beforehand
@@ -38,8 +38,9 @@ START = {
 
 def one_line(fit: Estimates, doubts: int = 0) -> str:
     """A fit on one line, with the number of doubts about it."""
+    stuck = dict.fromkeys(fit.at_bound, " (on its bound)") | dict.fromkeys(still_held(fit), " (held)")
     numbers = ", ".join(
-        f"{name}={value:.5g}" + (" (on its bound)" if name in fit.at_bound else f"±{error:.2g}")
+        f"{name}={value:.5g}{stuck.get(name, f'±{error:.2g}')}"
         for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
     )
     said = f", {doubts} doubt{'s' if doubts > 1 else ''}" if doubts else ""
@@ -270,7 +271,7 @@ def _chi2(fit: Estimates) -> str:
         "residuals above the high band's level: model too simple, or filtered record"
         if too_large(p)
         else "residuals below the high band's level"
-        if too_small(p, level_ratio(fit))
+        if fit.success and too_small(p, level_ratio(fit))
         else "as it should be"
     )
     return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {p:.2g}): {verdict}"
@@ -294,9 +295,8 @@ def parameters(
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(bound, np.nan, fit.params / fit.bse)
     low, high = _percentages(level)
-    note = (
-        f"{', '.join(fit.at_bound)} on a bound: no error of its own; the others' hold if the bound is right"
-    )
+    where = "held by a search that did not settle" if still_held(fit) else "on a bound"
+    note = f"{', '.join(fit.at_bound)} {where}: no error of its own; the others' hold if the bound is right"
     columns: dict[str, Any] = {
         "parameter": list(fit.param_names),
         "value": fit.params,

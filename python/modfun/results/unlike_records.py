@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log
 
 import numpy as np
 
@@ -14,14 +13,15 @@ from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 from .odd_channels import Change, likeliest_change, told
+from .time_steps import other_step
 
 __all__ = ["unlike_alone", "unlike_records"]
 
 MOST = 64  # records that are fitted alone
 SHOWN = 2  # parameters
-DROWNED = 10.0  # times the usual level of records
-CLOCKS = (10.0, 0.1, 2.0, 0.5, 4.0, 0.25, 5.0, 0.2, 100.0, 0.01, 1000.0, 0.001, 60.0, 1 / 60)  # usual slips
-SLACK = 0.15  # of the logarithm of a speed
+FEWEST = 2  # equations a parameter
+DROWNED = 10.0  # times the usual level of noise of records
+ALIKE = 0.01  # relative: steps that differ by rounding
 
 
 def unlike_records(fit: Estimates) -> Doubt | None:
@@ -32,12 +32,15 @@ def unlike_records(fit: Estimates) -> Doubt | None:
     nothing of parameters.
     """
     each, right = _alone(fit)
-    if each and (clock := _of_clock(fit, _on_own_bands(fit, each, right))):
-        return Doubt(clock)
     if not right:
         return None
     if len(right) < len(each):
-        found = _of_channels(fit, _others(fit), right)
+        base = _others(fit)
+        if base is not None and len(right) == len(each) - 1:
+            k = min({*range(len(each))} - {*right})
+            if slip := _of_step(fit, base, each[k], k):
+                return slip
+        found = _of_channels(fit, base, right)
         return told(fit, found) if found else None
     fits = [own for own in each if own is not None]
     values, errors = (np.array([getattr(own, name) for own in fits]) for name in ("params", "bse"))
@@ -48,7 +51,10 @@ def unlike_records(fit: Estimates) -> Doubt | None:
         others = [j for j in right if j != k]
         if len(others) > 1 and not _p_value(values[others], [covs[j] for j in others]) > ENOUGH:
             continue
-        found = _of_channels(fit, _together(fit, others), others)
+        base = _together(fit, others)
+        if base is not None and (slip := _of_step(fit, base, each[k], k)):
+            return slip
+        found = _of_channels(fit, base, others)
         # Of two records the one with the larger numbers is named.
         if found and not (len(others) == 1 and k == 0 and found[0].size < 1):
             return told(fit, found)
@@ -73,19 +79,12 @@ def _alone(fit: Estimates) -> tuple[list[Estimates | None], list[int]]:
         return [], []
     if fit.usable and fit.success and not level_p(fit) < SURE and not _drowned(fit):
         return [], []
-    options = on_band(fit, fit.band) if fit.usable else fit.options
+    # Of records with other steps the band of one is not that of another, or beyond its last line.
+    steps = [rec.duration / rec.intervals for rec in records]
+    alike = max(steps) < (1 + ALIKE) * min(steps)
+    options = on_band(fit, fit.band) if fit.usable and alike else fit.options
     each = [again_at_all(fit, (rec,), fit.structure, options) for rec in records]
-    right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
-    if (
-        fit.usable
-        and 2 * len(right) <= len(each)
-        and fit.options.band is None
-        and fit.options.harmonics is None
-    ):
-        # A band that one record with a wrong clock asks for suits no other.
-        each = [again_at_all(fit, (rec,), fit.structure, fit.options) for rec in records]
-        right = [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
-    return each, right
+    return each, [k for k, own in enumerate(each) if own is not None and _right(own, len(each))]
 
 
 def _drowned(fit: Estimates) -> bool:
@@ -140,44 +139,20 @@ def _of_channels(fit: Estimates, base: Estimates | None, right: Sequence[int]) -
     return found if whole is not None and _right(whole) else []
 
 
-def _on_own_bands(fit: Estimates, each: Sequence[Estimates | None], right: Sequence[int]) -> list[Estimates]:
-    """Fits of each record, all of which leave only the noise; nothing where one does not.
+def _of_step(fit: Estimates, base: Estimates, own: Estimates | None, k: int) -> Doubt | None:
+    """That record `k` has another time step than the others say, where only the noise is left of all so.
 
-    On bands of their own where that of all suits some only, as one that a record with a wrong clock asks for.
+    `base`: the fit of the others; `own`: of the record.
     """
-    found, free = list(each), fit.options.band is None and fit.options.harmonics is None
-    for k in sorted({*range(len(each))} - {*right}) if free and fit.layout.rational else ():
-        found[k] = again(fit, (fit.records[k],), fit.structure, fit.options) if fit.records else None
-    alone = [own for own in found if own is not None and _right(own, len(each))]
-    return alone if len(alone) == len(each) else []
-
-
-def _of_clock(fit: Estimates, fits: Sequence[Estimates]) -> str:
-    """That one record is as fast as with another time step, in words; nothing where none is."""
-    records = fit.records or ()
-    if not fit.layout.rational:
-        return ""
-    each = [own.layout.polynomials(own.params, 0)[0] for own in fits]
-    for k, own in enumerate(each):
-        others, dt = [den for j, den in enumerate(each) if j != k], records[k].dt
-        for size in CLOCKS if dt else ():
-            if dt and all(_faster(own, den, size) for den in others):
-                speed = f"{size:g} times as fast as" if size > 1 else f"{1 / size:g} times slower than"
-                either = ", unless that of the other is wrong" if len(each) == 2 else ""
-                return (
-                    f"Record {k} by itself is explained up to its noise, as the others are, and is {speed} "
-                    f"they: its time step seems to be {dt * size:.4g} s and not {dt:.4g} s{either}. First "
-                    "look at its clock."
-                )
-    return ""
-
-
-def _faster(one: F64, other: F64, size: float) -> bool:
-    """Whether the coefficients of a denominator are those of another one in a time that is scaled so."""
-    orders = np.arange(1, one.size)
-    with np.errstate(all="ignore"):
-        off = np.log(one[1:] / other[1:]) - orders * log(size)
-    return one.size > 1 and bool(np.all(np.abs(off) < SLACK * orders))
+    records = list(fit.records or ())
+    slip = other_step(base, records[k], k, own if own is not None and _right(own) else None)
+    if slip is None:
+        return None
+    records[k] = slip.undone(records[k])
+    whole = again(fit, tuple(records), fit.structure, fit.options)
+    # Of a record whose lines lie beyond the band of the others nothing is left, either.
+    told = whole is not None and _right(whole) and whole.rows[k] > FEWEST * whole.params.size
+    return slip.told(fit, own, base) if told else None
 
 
 def _p_value(values: F64, covs: Sequence[F64]) -> float:

@@ -65,10 +65,11 @@ def test_uneven_rows_are_resampled_as_the_message_says(tmp_path):
     assert any("Fits take such times as they are, but no delays." in text for text in rec.check())
     with pytest.raises(mf.DataError, match="steps are uneven; resample it: t = ") as refused:
         mf.fit(rec, LAGGED)
-    words = str(refused.value).split("resample it: t = ")[1].split(", since held")[0]
+    words = str(refused.value).split("resample it: t = ")[1].split(", as these")[0]
     first, second = words.split(", then ")
     even = eval(second, {"mf": mf, "np": np, "rec": rec, "t": eval(first, {"np": np, "rec": rec})})
     assert even.dt == pytest.approx(0.1335, rel=0.01)
+    assert even.intersample == ("foh",)
     assert mf.fit(even, LAGGED)["delay"] == pytest.approx(0.3, abs=0.03)
 
 
@@ -156,3 +157,51 @@ def test_date_and_time_in_two_columns(tmp_path, forms):
         mf.SpecError, match="give one column, or that of the date and that of the time of day"
     ):
         mf.read(path, time=["Date", "Clock"], outputs="y")
+
+
+NAMED = {
+    "TimeUS": 1e-6,
+    "timeus": 1e-6,
+    "TimeMS": 1e-3,
+    "time_us": 1e-6,
+    "timestamp_ns": 1e-9,
+    "timestampUS": 1e-6,
+}
+
+
+@pytest.mark.parametrize("name", NAMED)
+def test_clocks_of_autopilots_say_their_unit(name):
+    """They were taken as seconds, a million times too long, and asked whether they are milliseconds."""
+    made = {name: np.rint(5 + 0.01 * np.arange(40) / NAMED[name]), "y": np.sin(np.arange(40.0))}
+    rec = mf.read(made, outputs="y")
+    assert rec.dt == pytest.approx(0.01)
+    assert not any("Steps of" in text for text in rec.check())
+
+
+@pytest.mark.parametrize(
+    ("start", "step", "unit", "word"),
+    [
+        (5e8, 1e4, "us", "microseconds"),
+        (3.0, 2500.0, "us", "microseconds"),
+        (0.0, 20.0, "ms", "milliseconds"),
+        (1.7e12, 20.0, "ms", "milliseconds"),
+        (1.7e18, 1e7, "ns", "nanoseconds"),
+    ],
+)
+def test_steps_without_a_unit_are_offered_the_plausible_one(start, step, unit, word):
+    made = {"timestamp": start + step * np.arange(40), "y": np.sin(np.arange(40.0))}
+    cure = rf"if they are {word}, give units=\{{'timestamp': '{unit}'\}}, else"
+    with pytest.warns(mf.ModfunWarning, match=cure):
+        rec = mf.read(made, outputs="y")
+    assert any(f"if they are {word}, give dt=" in text for text in rec.check())
+
+
+@pytest.mark.parametrize(
+    ("start", "step"), [(0.0, 60.0), (0.0, 300.0), (1.7e9, 20.0), (1.7e9, 5.0), (7.0, 1.0)]
+)
+def test_times_that_look_like_seconds_are_seconds(start, step):
+    rec = mf.read({"t": start + step * np.arange(40), "y": np.sin(np.arange(40.0))}, outputs="y")
+    assert rec.dt == step
+    assert not any("Steps of" in text for text in rec.check())
+    given = mf.Record(y=np.sin(np.arange(40.0)), dt=step if step != 20 else 2.0)
+    assert not any("Steps of" in text for text in given.check())

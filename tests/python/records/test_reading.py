@@ -567,14 +567,6 @@ def test_milliseconds_are_doubted_until_the_unit_is_said(file):
         mf.read(path, outputs="q", units={"t": "mile"})
 
 
-def test_clocks_of_autopilots_count_microseconds(file):
-    rows = "\n".join(f"{500_000_000 + 20_000 * k},{k % 7},{k % 5}" for k in range(60))
-    assert mf.read(file("TimeUS,p,da\n" + rows), outputs="p", inputs="da").dt == pytest.approx(0.02)
-    with pytest.warns(mf.ModfunWarning, match=r"microseconds, give units={'timestamp': 'us'}"):
-        rec = mf.read(file("timestamp,p,da\n" + rows), outputs="p", inputs="da")
-    assert rec.dt == pytest.approx(20_000.0)
-
-
 @pytest.mark.parametrize("decimals", [15, 9])
 @pytest.mark.parametrize("seconds", [0.5, 1, 60, 300])
 def test_serial_dates_are_doubted_until_the_unit_is_said(file, seconds, decimals):

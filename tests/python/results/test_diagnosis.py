@@ -8,7 +8,6 @@ import pytest
 from modfun._core import noise_level
 from modfun.results.diagnosis import diagnose, high_band_df, level_p
 from modfun.results.line_tests import correlation_of_lines
-from scipy.signal import lsim
 from scipy.special import chdtrc, fdtrc
 
 # One record in sixty is warned of its standard errors.
@@ -143,16 +142,3 @@ def test_an_estimate_on_a_bound_is_checked():
             ended += fit.at_bound == ("delay",)
             assert ("delay ended on a bound" in said) == (fit.at_bound == ("delay",))
     assert ended >= 1
-
-
-def test_a_delay_of_nothing_does_not_hide_a_saturated_actuator():
-    """Commands up to 1900 of a motor that follows up to 1600: "Widen it" was all that the fit said."""
-    t = np.arange(500) * 0.01
-    told = np.select([t < 0.5, t < 1.3, t < 2.1, t < 3.0], [1200.0, 1300.0, 1500.0, 1400.0], 1900.0)
-    speed = lsim(([154.0], [1.0, 15.4]), np.minimum(np.roll(told, 2), 1600.0) - 1200.0, t, interp=False)[1]
-    rpm = 5000 + speed + 40 * np.random.default_rng(0).standard_normal(t.size)
-    rec = mf.Record(y=rpm, u=told, dt=0.01, outputs="rpm", inputs="pwm", intersample="zoh")
-    late = mf.TransferFunction(poles=1, zeros=0, delay=mf.Free(min=0.0, max=0.2))
-    with pytest.warns(mf.ModfunWarning, match="not linear|saturates"):
-        fit = mf.fit(rec, late)
-    assert fit["delay"] == 0.0
