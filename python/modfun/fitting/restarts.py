@@ -17,7 +17,7 @@ from .scales import sizes
 __all__ = ["restarted", "settled_within"]
 
 FACTOR = 10.0  # of a size either way
-SMALLER = 5.0
+SMALLER = 5.0  # than its size: what a signal is compared with, as a half-saturation
 AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
 
 Bounds = tuple[tuple[float, float], ...]

@@ -242,10 +242,9 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late, stands_still,
-    slow_input, in_two_units,
-    off_centre, in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent,
-    swapped, fed_back, unexplained, one_cause, flips, unsettled, unstable, condition, uncertain_poles,
-    wandering, twin,
+    slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
+    unrecorded_input, late_channel, bent, swapped, fed_back, unexplained, one_cause, flips, unsettled,
+    unstable, condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 

@@ -14,10 +14,9 @@ POSITIVE = 2.0  # evidence by a difference of BIC (Kass and Raftery, 1995)
 
 
 def wandering(fit: Estimates) -> Doubt | None:
-    """The same of a random walk, whose samples say neither; most motions are what they look like."""
+    """The same of a random walk alone, which says neither; most motions are what they look like."""
     left = _left(fit)
-    walk = bool(left) and form_of(left[0][0][left[0][1]], None if left[0][0].dt else left[0][0].t) == "walk"
-    return undeclared(fit) if walk else None
+    return undeclared(fit) if left and _walks(*left[0]) else None
 
 
 def undeclared(fit: Estimates) -> Doubt | None:
@@ -47,10 +46,15 @@ def undeclared(fit: Estimates) -> Doubt | None:
         f"well (BIC {'falls' if fallen > 0 else 'rises'} by {abs(fallen):.2g}), and {parameter} is {now} "
         f"instead of {was}. If it was held, give intersample={given!r}; else declare "
         f"intersample={else_given!r}.",
-        sure=form_of(first[name], None if first.dt else first.t) == "walk",
+        sure=_walks(first, name),
     )
 
 
 def _left(fit: Estimates) -> list[tuple[Record, str]]:
     """Inputs whose reading was left open, each with its record."""
     return [(rec, name) for rec in fit.records or () for name in rec.inputs if rec._seen.get(name) == OPEN]
+
+
+def _walks(rec: Record, name: str) -> bool:
+    """Whether an input's samples are a random walk, which says nothing of how it goes between them."""
+    return form_of(rec[name], None if rec.dt else rec.t) == "walk"

@@ -162,14 +162,15 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
         answer = answer.estimates()
     given = _by_name(answer)
     if given is not None:
-        missing = [name for name in names if name not in answer]
+        missing = [name for name in names if name not in given]
         if missing:
             raise SpecError(
                 f"MonteCarlo: the estimator {who!r} returned {', '.join(map(str, given)) or 'nothing'}; "
                 f"{', '.join(missing)} of {', '.join(names)} is missing: return all, or give model="
             )
-        odd = [f"{name}_{word}" for name in names for word in ERRORS if f"{name}_{word}" in given]
-        if odd and odd[0] not in names:
+        words = (f"{name}_{word}" for name in names for word in ERRORS)
+        odd = [word for word in words if word in given and word not in names]
+        if odd:
             raise SpecError(
                 f"MonteCarlo: the estimator {who!r} returned {odd[0]}; standard errors, from which coverage "
                 f"is counted, have the name {odd[0].rpartition('_')[0]}_se"

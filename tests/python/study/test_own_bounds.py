@@ -82,6 +82,12 @@ def test_a_series_is_read_by_its_labels():
     assert np.abs(res.bias).max() < 1e-12
 
 
+def test_named_parameters_of_another_fit_are_read_by_name():
+    res = study(mine=lambda rec, rng: mf.fit(rec, MODEL, harmonics=12).params)
+    assert np.abs(res.bias).max() < 1.0
+    assert res.status["ok"].sum() == 4
+
+
 def test_other_names_of_standard_errors_are_refused():
     with pytest.raises(mf.SpecError, match=r"returned a1_err; standard errors.*have the name a1_se"):
         study(mine=lambda rec, rng: {"a1": 1.2, "a2": 4.0, "b0": 2.0, "a1_err": 0.1})
