@@ -100,8 +100,7 @@ class Fit(Drawn):
     condition_bound : float
         No less than `cond`, and computed at no cost; inf where not known.
     again : callable or None
-        Fits records, a structure and options as this fit was made: `check` tries cures with it, `compare`
-        puts fits on one band. None after `load`, and for gains.
+        Fits records, a structure and options as this fit was made. None after `load`, and for gains.
 
     See Also
     --------
@@ -148,8 +147,8 @@ class Fit(Drawn):
     def damp(self) -> Table:
         """Poles with natural frequency, damping ratio, time constant and standard errors.
 
-        One row per complex pair (upper member) and one per real pole. omega in rad/s, time constants in s;
-        standard errors by the delta method, dp/da_j = -p^(n-j)/A'(p). A repeated pole has no finite ones.
+        One row per complex pair (upper member) or real pole. omega in rad/s, time constants in s; standard
+        errors by the delta method, dp/da_j = -p^(n-j)/A'(p). A repeated pole has no finite ones.
         """
         self.need_numbers("damp")
         return derived.damp(self)
@@ -168,8 +167,7 @@ class Fit(Drawn):
         equations a channel late or early. With white noise each of these tests objects to about one right
         model in a hundred (neighbouring lines: up to two), and all together to about one in twenty.
         Besides: a pole with a real part above 0; fewer than 8 samples per period; a condition number above
-        10^6; two minima; a parameter on its bound; what `Record.check` says of missing rows, codes, clipping
-        and inputs of doubtful form. A note says where there is no noise to test residuals against.
+        10^6; two minima; a parameter on its bound; what `Record.check` finds in missing rows and the inputs.
         """
         return self._findings
 
@@ -328,10 +326,10 @@ class Fit(Drawn):
         """
         return cast(Fit, stable_neighbour(self))
 
-    def errors(self, rec: Record | int | None = None) -> F64:
-        """Measured less simulated output in time, (output, time); nan where the record is masked."""
+    def errors(self, rec: Record | int | None = None, *, initial_state: Any = None) -> F64:
+        """Measured less simulated output in time, (output, time), as `predict`; nan where it is masked."""
         record = self.record_of(rec, "errors")
-        errors = record.y - self.simulate(record, None)[0]
+        errors = record.y - self.simulate(record, initial_state)[0]
         return errors if record.mask is None else np.where(record.mask, errors, np.nan)
 
     def initial_state(
@@ -348,7 +346,7 @@ class Fit(Drawn):
         rec : Record or int, optional
         method : {"lstsq", "observer"}
             Least squares on the sampled free response; or a Luenberger observer run backwards in time
-            (report, section 4.7), as accurate with the default `eigenvalues` of light modes, else less so.
+            (report, section 4.7), accurate where modes are light.
         eigenvalues : array_like, optional
             Of the observer's error backwards in time, rad/s, one per pole, with negative real parts.
             Default: the frequencies of the poles, decaying as fast as these do forwards, and at least by
@@ -377,7 +375,7 @@ class Fit(Drawn):
             raise SpecError('initial_state: eigenvalues belong to method="observer"')
         return self.simulate(record, None)[1]
 
-    def score(self, rec: Record | int | None = None) -> Table:
+    def score(self, rec: Record | int | None = None, *, initial_state: Any = None) -> Table:
         """How well the simulation ŷ follows each output y, with e = y - ŷ; masked samples are left out.
 
         ``signal_to_error`` is 20 log10(rms(y - mean(y)) / rms(e)) in dB, ``fit_percent``
@@ -387,14 +385,16 @@ class Fit(Drawn):
         Parameters
         ----------
         rec : Record or int, optional
-            A record or the number of one of the fit's own; left out, every record of the fit has its rows.
+            A record or the number of one of the fit's own; by default each of these has its rows.
+        initial_state : "zero", array or InitialState, optional
+            As of `predict`: instead of one fitted to the record, which flatters a validation a little.
 
         Returns
         -------
         Table
             One row per output (and record).
         """
-        return scores.score(self, rec)
+        return scores.score(self, rec, initial_state)
 
     def _observed(self, rec: Record, eigenvalues: ArrayLike | None) -> InitialState:
         return observe_paths(self.layout, self.params, self.trend, rec, eigenvalues)

@@ -75,16 +75,16 @@ def theil(y: F64, simulated: F64) -> float:
         return float(np.divide(rms(y - simulated), rms(y) + rms(simulated)))
 
 
-def score(fit: Estimates, rec: Record | int | None = None) -> Table:
+def score(fit: Estimates, rec: Record | int | None = None, initial_state: Any = None) -> Table:
     """Scores of the outputs of a fit, of a record or all of its own; see `Fit.score`."""
     if rec is None and fit.records is not None and len(fit.records) > 1:
-        parts = [(i, score(fit, i)) for i in range(len(fit.records))]
+        parts = [(i, score(fit, i, initial_state)) for i in range(len(fit.records))]
         columns: dict[str, list[Any]] = {"record": [i for i, part in parts for _ in range(len(part))]}
         for name in parts[0][1].columns:
             columns[name] = [value for _, part in parts for value in part[name].tolist()]
         return Table(columns, units=UNITS)
     record = fit.record_of(rec, "score")
-    return of_response(record, fit.simulate(record)[0])
+    return of_response(record, fit.simulate(record, initial_state)[0])
 
 
 def of_response(record: Record, simulated: F64) -> Table:

@@ -114,3 +114,17 @@ def test_records_are_not_joined_across_their_ends():
 def test_few_lines_have_no_verdict():
     assert np.isnan(line_tests.correlation_of_lines([lines(0, 3)])[0].p_value)
     assert np.isnan(line_tests.colour_of_lines([lines(0, 3)])[0].p_value)
+
+
+def test_a_validation_may_start_from_a_state_that_is_known():
+    """A fitted initial state fits some of the noise too: from the true one, the errors are the noise itself."""
+    system = mf.tf([5], [1, 3, 8])
+    make = {"input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}
+    fit = mf.fit(mf.simulate(system, **make, nsr=0.1, seed=0), mf.TransferFunction(poles=2, zeros=0))
+    other = mf.simulate(system, **make, nsr=0.1, seed=1)
+    free, rest = fit.score(other), fit.score(other, initial_state="zero")
+    assert rest["signal_to_error"][0] < free["signal_to_error"][0] < rest["signal_to_error"][0] + 0.3
+    np.testing.assert_allclose(
+        fit.errors(other, initial_state=[1, 0])[0],
+        other.y[0] - fit.predict(other, initial_state=[1, 0]).y[0],
+    )
