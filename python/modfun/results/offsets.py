@@ -24,6 +24,7 @@ ROUNDING = 1e-12  # the same the other way round: a channel that stands, as the 
 # Where an offset bends the estimate, residuals are so many times the noise of the high band, and a constant
 # makes them smaller by such a factor.
 AWAY, BENT = 1.5, 2.0
+ABSURD = 1000.0  # times the largest sample of a channel: no sensor is that far off, the equation is another
 
 
 def offset(fit: Estimates) -> Doubt | None:
@@ -181,6 +182,8 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
         for trend in dict.fromkeys((fit.trend, "constant")):
             made = again(fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend))
             if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
+                continue
+            if abs(made[EXTRA]) > ABSURD * max(float(np.nanmax(np.abs(rec[x]))) for rec in fit.records):
                 continue
             best, c = after - CLOSE, unused("c", fit.structure)
             beside = "" if trend == fit.trend else f', and fit with trend="{trend}" beside it'
