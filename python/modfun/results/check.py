@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.cached import kept
 from ..base.tables import Findings
+from ..models.transfer_function import TransferFunction
 from .band_end import beyond
 from .cures import ENOUGH, again, best_cure, convincing
 from .dead_bands import stands_still, stored_late
@@ -46,8 +47,9 @@ from .jumps import flips, jumps
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
-from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
+from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted
 from .offsets import mean, offset
+from .origin import LEAST_GAIN, origin, smaller_errors
 from .runaway import runaway
 from .slow_inputs import slow_input
 from .sparse import sparse
@@ -70,6 +72,8 @@ STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
 )
+SLOW = 2.0  # residual lines of the lower half of the band over those of the upper
+PAYS = 3.0  # standard errors without their spectrum over those with it
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -155,10 +159,10 @@ def one_record(fit: Estimates) -> Doubt | None:
 
 
 def bounded(fit: Estimates) -> Doubt | None:
-    """That parameters ended on bounds, or why: a record of regulation holds no plant, whatever its bounds."""
+    """That parameters ended on bounds, or why: records of regulation hold no plant, and slow noise drives."""
     doubt = on_bound(fit)
     loop = feedback(fit) if doubt else None
-    return fed_back(fit) if loop and loop.regulates else doubt
+    return fed_back(fit) if loop and loop.regulates else (doubt and slow_noise(fit)) or doubt
 
 
 def fed_back(fit: Estimates) -> Doubt | None:
@@ -210,6 +214,8 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
         return f'First fit with the command of the loop, reference="{name}"{free}.'
     if otherwise:
         return f'{otherwise}, and fit with reference="{name}"{free}.'
+    if slow := slow_noise(fit):
+        return f'A fit with reference="{name}" does not settle or leaves more than noise. {slow.text}'
     return (
         f'A fit with reference="{name}" does not settle or leaves more than noise: {name} moves {channel} '
         "too little beside the noise. First take one that moves it more, a longer record, or fewer poles."
@@ -218,8 +224,40 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
 
 def unexplained(fit: Estimates) -> Doubt | None:
     """What residuals say beyond doubt; what the record shows by itself comes first, as the likelier cause."""
-    doubt = misfit(fit)
+    doubt = slow_noise(fit) or misfit(fit)
     return joined(fit) or clipped(fit) or doubt if doubt else None
+
+
+@kept
+def slow_noise(fit: Estimates) -> Doubt | None:
+    """That disturbances of the outputs are slow, which weights of white noise leave in the estimates.
+
+    Their lines follow each other, as those of an event do, and the inputs by chance: structures that follow
+    these are wrong. Said where a fit with weights of their spectrum leaves nothing in doubt.
+    """
+    plain = isinstance(fit.structure, TransferFunction) and fit.options.noise == "output"
+    if not plain or fit.again is None or not fit.records or not refuted(fit) or noise_free(fit) is not None:
+        return None
+    d = diagnose(fit, UNLIKELY)
+    if not (d.colour_ratio > SLOW and d.colour.p_value < SURE) or origin(fit) == "process":
+        return None
+    drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"))
+    if drift is not None and not refuted(drift):
+        return None
+    options = fit.options.replace(noise="coloured", output_weights=None)
+    other = again(fit, fit.records, fit.structure, options)
+    if other is None or not other.success or warnings_of(other):
+        return None
+    gain = smaller_errors(fit, other)
+    followed = min([d.correlation.p_value, *(one.p_value * len(d.further) for one in d.further)])
+    if not (gain > PAYS or followed < SUREST):
+        return None
+    less = f", and standard errors {gain:.2g} times smaller (geometric mean)" if gain > LEAST_GAIN else ""
+    return Doubt(
+        f"A slow disturbance is on {d.coloured}: residual lines are {d.colour_ratio:.3g} times as strong in "
+        "the lower half of the band as in the upper. First weight the lines by their spectrum, "
+        f'noise="coloured": that leaves nothing unexplained{less}.'
+    )
 
 
 def not_from_zero(fit: Estimates) -> Doubt | None:

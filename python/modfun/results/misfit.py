@@ -32,6 +32,7 @@ from .worth import worth
 
 __all__ = [
     "LEVEL",
+    "SUREST",
     "UNLIKELY",
     "misfit",
     "of_colour",

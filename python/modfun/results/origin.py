@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import nan
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,15 @@ from .cures import WORTH, again, on_band
 from .estimates import Estimates
 from .further import fitted_lines
 
-__all__ = ["gain_of_colour", "gain_of_process", "hum", "on_wide_band", "origin", "wide_band"]
+__all__ = [
+    "gain_of_colour",
+    "gain_of_process",
+    "hum",
+    "on_wide_band",
+    "origin",
+    "smaller_errors",
+    "wide_band",
+]
 
 WHITE = np.append(0.0, np.logspace(-6, 0, 31))  # noise of the samples beside other noise, of the mean power
 RATES = np.append(np.append(0.0, 1 / (1 + np.logspace(-3, 3, 13))), 1.0)  # what acts on the rate, likewise
@@ -150,10 +159,15 @@ def gain_of_colour(fit: Estimates) -> float | None:
         return None
     options = on_band(fit, fit.band).replace(noise="coloured", output_weights=None)
     other = again(fit, fit.records, fit.structure, options)
-    if not (other is not None and fit.bse.size and np.all(fit.bse > 0) and np.all(other.bse > 0)):
-        return None
-    gain = float(np.exp(np.mean(np.log(fit.bse / other.bse))))
+    gain = smaller_errors(fit, other) if other is not None else nan
     return gain if gain >= LEAST_GAIN else None
+
+
+def smaller_errors(fit: Estimates, other: Estimates) -> float:
+    """How many times smaller the standard errors of another fit are, geometric mean; nan without any."""
+    if not (fit.bse.size and np.all(fit.bse > 0) and np.all(other.bse > 0)):
+        return nan
+    return float(np.exp(np.mean(np.log(fit.bse / other.bse))))
 
 
 def wide_band(fit: Estimates) -> tuple[float, float]:
