@@ -73,6 +73,7 @@ STANDS = (
     "noise does and about as slowly as the system answers; keep it"
 )
 SLOW = 2.0  # residual lines of the lower half of the band over those of the upper
+FEWEST = 4  # samples per period where bands for such weights end
 PAYS = 3.0  # standard errors without their spectrum over those with it
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
@@ -244,20 +245,39 @@ def slow_noise(fit: Estimates) -> Doubt | None:
     drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"))
     if drift is not None and not refuted(drift):
         return None
-    options = fit.options.replace(noise="coloured", output_weights=None)
-    other = again(fit, fit.records, fit.structure, options)
-    if other is None or not other.success or warnings_of(other):
+    found = _weighted(fit)
+    if found is None:
         return None
+    other, words = found
     gain = smaller_errors(fit, other)
     followed = min([d.correlation.p_value, *(one.p_value * len(d.further) for one in d.further)])
-    if not (gain > PAYS or followed < SUREST):
+    if not (gain > PAYS or followed < SUREST or fit.at_bound):
         return None
     less = f", and standard errors {gain:.2g} times smaller (geometric mean)" if gain > LEAST_GAIN else ""
     return Doubt(
         f"A slow disturbance is on {d.coloured}: residual lines are {d.colour_ratio:.3g} times as strong in "
         "the lower half of the band as in the upper. First weight the lines by their spectrum, "
-        f'noise="coloured": that leaves nothing unexplained{less}.'
+        f"{words}: that leaves nothing unexplained{less}."
     )
+
+
+def _weighted(fit: Estimates) -> tuple[Estimates, str] | None:
+    """The fit with weights of the noise spectrum, and its options in words, on the narrowest band in order.
+
+    The default band is chosen by white noise: where that is strong, steep noise needs more lines.
+    """
+    options, words = fit.options.replace(noise="coloured", output_weights=None), 'noise="coloured"'
+    top = min([2 * np.pi / (FEWEST * rec.dt) for rec in fit.records or () if rec.dt], default=0.0)
+    low, edge = fit.band
+    while True:
+        other = again(fit, fit.records or (), fit.structure, options)
+        if other is not None and other.success and not warnings_of(other):
+            return other, words
+        edge = float(f"{2 * edge:.3g}")
+        if fit.options.band is not None or fit.options.harmonics is not None or edge > top:
+            return None
+        band = (float(f"{low:.3g}"), edge)
+        options, words = options.replace(band=band), f'noise="coloured", band=({band[0]:g}, {band[1]:g})'
 
 
 def not_from_zero(fit: Estimates) -> Doubt | None:

@@ -117,7 +117,7 @@ def test_few_lines_have_no_verdict():
 
 
 def test_a_validation_may_start_from_a_state_that_is_known():
-    """A fitted initial state fits some of the noise too: from the true one, the errors are the noise itself."""
+    """A fitted initial state fits some noise, too; from the true one, errors are the noise itself."""
     system = mf.tf([5], [1, 3, 8])
     make = {"input": "sin(t**2/5)", "duration": 10.0, "intervals": 256}
     fit = mf.fit(mf.simulate(system, **make, nsr=0.1, seed=0), mf.TransferFunction(poles=2, zeros=0))
