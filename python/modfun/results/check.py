@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from .._core import pooled_power
 from ..base.cached import kept
 from ..base.tables import Findings
 from ..models.transfer_function import TransferFunction
 from .band_end import beyond
-from .cures import ENOUGH, again, best_cure, convincing
+from .cures import DRIFT, ENOUGH, again, best_cure, convincing
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
 from .diagnosis import diagnose, growth
@@ -72,7 +73,7 @@ STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
 )
-SLOW = 2.0  # residual lines of the lower half of the band over those of the upper
+SLOW, MANY = 2.0, 16  # residual lines of the lower half of the band over those of the upper, of so many
 FEWEST = 4  # samples per period where bands for such weights end
 PAYS = 3.0  # standard errors without their spectrum over those with it
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
@@ -240,10 +241,10 @@ def slow_noise(fit: Estimates) -> Doubt | None:
     if not plain or fit.again is None or not fit.records or not refuted(fit) or noise_free(fit) is not None:
         return None
     d = diagnose(fit, UNLIKELY)
-    if not (d.colour_ratio > SLOW and d.colour.p_value < SURE) or origin(fit) == "process":
+    if not (d.colour_ratio > SLOW and d.colour.p_value < SURE and _falls(fit)) or origin(fit) == "process":
         return None
     drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"))
-    if drift is not None and not refuted(drift):
+    if drift is None or not refuted(drift) or _structural(fit, drift):
         return None
     found = _weighted(fit)
     if found is None:
@@ -259,6 +260,37 @@ def slow_noise(fit: Estimates) -> Doubt | None:
         "the lower half of the band as in the upper. First weight the lines by their spectrum, "
         f"{words}: that leaves nothing unexplained{less}."
     )
+
+
+def _falls(fit: Estimates) -> bool:
+    """Whether residuals of a row are strongest in the lowest eighth of the band, as those of no mode are."""
+    for i in range(len(fit.row_names)):
+        pooled = pooled_power([piece[i] for piece in fit.pieces])
+        if (
+            pooled.size >= MANY
+            and pooled[: pooled.size // 8].mean() > SLOW**2 * pooled[pooled.size // 8 :].mean()
+        ):
+            return True
+    return False
+
+
+def _structural(fit: Estimates, drift: Estimates) -> bool:
+    """Whether another structure is wanted: by tests beside a drift, or by what brings residuals to the noise.
+
+    The ends of slow noise lie apart as those of a drift do, which turns all lines alike: without one, such
+    noise follows inputs by chance.
+    """
+    if not fit.at_bound:
+        tests = [
+            one.p_value for one in diagnose(drift, UNLIKELY).further if one.what not in ("event", "spike")
+        ]
+        if min(tests, default=1.0) < SURE:
+            return True
+    layout: Any = fit.layout
+    if len(layout.free_delays) > 1:  # each cure is a search
+        return False
+    cures = [best_cure(fit, i, u) for i in range(len(fit.outputs)) for u in fit.inputs]
+    return any(cure is not None and cure.words != DRIFT and cure.level_p > ENOUGH for cure in cures)
 
 
 def _weighted(fit: Estimates) -> tuple[Estimates, str] | None:

@@ -57,7 +57,7 @@ def test_a_process_under_a_slow_disturbance(seed: int) -> None:
 
 
 def test_a_column_whose_delays_other_structures_would_take_up() -> None:
-    """Delays were 4 to 6 standard errors off, and two more poles were named: 6e-12 that residuals follow u2."""
+    """Delays were 4 to 6 standard errors off, and two more poles named, as residuals seem to follow u2."""
     rng = np.random.default_rng(1)
     u = np.vstack([np.repeat(rng.choice([-1.0, 1.0], 34), hold)[:2000] for hold in (60, 67)])
     clean = [
