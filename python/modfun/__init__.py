@@ -121,7 +121,10 @@ if not TYPE_CHECKING:  # type checkers read the imports above
             return import_module(f".{name}", __name__)
         if name not in _PLACES:
             # With name and obj, Python itself adds what may have been meant.
-            text = f"module {__name__!r} has no attribute {name!r}"
+            here = import_module(".base.elsewhere", __name__).PACKAGE.get(name)
+            text = f"module {__name__!r} has no attribute {name!r}" + (
+                f": use {here}, see docs/migration.md" if here else ""
+            )
             raise AttributeError(text, name=name, obj=sys.modules[__name__])
         value = globals()[name] = getattr(import_module(_PLACES[name], __name__), name)
         return value

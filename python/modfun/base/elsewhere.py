@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
-__all__ = ["FIT", "FITS", "RECORD", "STUDY", "SYSTEM", "Elsewhere"]
+__all__ = ["FIT", "FITS", "PACKAGE", "RECORD", "STUDY", "SYSTEM", "Elsewhere"]
 
 # Name in statsmodels, SciPy, python-control, MATLAB or lmfit, and what to write here.
 _PARAMETERS = {
@@ -66,6 +66,19 @@ SYSTEM: Mapping[str, str] = {
     **dict.fromkeys(("impulse_response",), "impulse()"),
     **dict.fromkeys(("lsim", "forced_response", "output"), "simulate()"),
     **dict.fromkeys(("sample", "c2d"), "mf.c2d(system, dt)"),
+}
+
+# Functions of MATLAB.
+PACKAGE: Mapping[str, str] = {
+    "iddata": "mf.Record, or mf.read",
+    **dict.fromkeys(("tfest", "procest", "idtf", "idproc"), "mf.fit with mf.TransferFunction"),
+    **dict.fromkeys(("ssest", "idss"), "mf.fit with mf.TransferFunction, or mf.StateSpace"),
+    **dict.fromkeys(("greyest", "idgrey"), "mf.fit with mf.StateSpace"),
+    **dict.fromkeys(("nlgreyest", "idnlgrey"), "mf.fit with mf.Equation"),
+    **dict.fromkeys(("etfe", "spa", "spafdr", "tfestimate"), "mf.frf"),
+    **dict.fromkeys(("idfrd", "frd"), "mf.FrequencyResponse"),
+    **dict.fromkeys(("oe", "pem", "arx", "armax", "n4sid"), "mf.fit, or mf.rivals"),
+    **dict.fromkeys(("lsim", "sim"), "mf.simulate"),
 }
 
 

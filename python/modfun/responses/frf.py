@@ -21,11 +21,11 @@ from ..records.periods import periods
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from .coefficients import spectrum
+from .fed_back import noise_alone
 from .periodic import from_periods
 from .undeclared import as_fits_prefer, doubts_of
 
 __all__ = ["frf"]
-
 
 METHODS = ("lrm", "lpm", "modulating", "periodic")
 WEIGHTINGS = ("ls", "awls", "ml")
@@ -111,7 +111,7 @@ def frf(
     -------
     FrequencyResponse
         With covariance, noise, coherence and half-widths. NaN at frequencies where an input has no power of
-        its own.
+        its own, or of a loop where only the noise that it feeds back is left.
 
     Raises
     ------
@@ -123,8 +123,8 @@ def frf(
     Warns
     -----
     ModfunWarning
-        Where an input has no power of its own; where nothing tells whether an input was held, and the gains
-        would be others by more than their circles.
+        Where an input has no power of its own, or in a loop none but at the ends of a record; where nothing
+        tells whether an input was held, and the gains would be others by more than their circles.
 
     See Also
     --------
@@ -181,10 +181,9 @@ def frf(
     pieces = [_piece(rec, rule, varying, trend) for rec in parts]
     units = _units(pieces)
     where = _frequencies(omega, band, pieces, trend)
-    inputs = pieces[0][2].shape[0]
     # Windows of several durations hold the same samples so many times.
     copies = 1 if windows is None else np.size(windows)
-    shape = _Neighbourhood(method, degree, weighting, trend is None, pieces, inputs, copies)
+    shape = _Neighbourhood(method, degree, weighting, trend is None, pieces, len(pieces[0][2]), copies)
     if halfwidth is None:
         widths = shape.widths()
     else:
@@ -194,8 +193,9 @@ def frf(
         if len(widths) > 1:
             chosen = shape.choose(widths, where, threads, shown)
         found = shape.estimates(chosen, where, threads, shown)
-    made = _response(records[0], where, found, chosen, shape, varying, units)
-    return _said(made, records, left, _of_periods(method, records))
+    ends, loop = noise_alone(records, pieces, where, chosen, shape.ends, shape.half)
+    made = _response(records[0], where, found, chosen, shape, varying, units, ends)
+    return _said(made, records, left, (*loop, *_of_periods(method, records)))
 
 
 class _Neighbourhood:
@@ -217,6 +217,7 @@ class _Neighbourhood:
         terms = degree + 1
         self.unknowns = (degree if method == "lrm" else 0) + terms * inputs
         self.terms = terms
+        self.ends = degree * (2 if method == "lrm" else 1)  # what T over A follows
 
     def half(self, piece: Piece, halfwidth: int) -> int:
         """Lines a side of a record: as wide as those of the longest, but not fewer than T needs."""
@@ -304,6 +305,7 @@ def _response(
     shape: _Neighbourhood,
     varying: bool,
     units: tuple[F64, F64],
+    ends: NDArray[np.bool_],
 ) -> FrequencyResponse:
     outputs, inputs = len(record.outputs), shape.pieces[0][2].shape[0]
     unit = units[0][:, None] / units[1][None, :]
@@ -322,6 +324,7 @@ def _response(
             ModfunWarning,
             stacklevel=4,
         )
+    gains[:, :, ends] = cov[ends] = np.nan
     real = len(record.inputs)
     paths = outputs * real
     change: dict[str, Any] = {}

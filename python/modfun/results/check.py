@@ -12,6 +12,7 @@ from ..base.cached import kept
 from ..base.tables import Findings
 from ..models.transfer_function import TransferFunction
 from .band_end import beyond
+from .coloured_load import coloured_load
 from .cures import DRIFT, ENOUGH, again, best_cure, convincing
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
@@ -333,8 +334,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late, stands_still,
     slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
-    unrecorded_input, late_channel, bent, swapped, fed_back, unexplained, one_cause, flips, unsettled,
-    unstable, condition, uncertain_poles, wandering, twin,
+    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, unexplained, one_cause,
+    flips, unsettled, unstable, condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -372,6 +373,7 @@ def check(fit: Estimates, line: str) -> Findings:
         note = noise_free(whole)
         first = (
             in_degrees,
+            mean,
             stored_late,
             slow_input,
             unlike_records,

@@ -151,12 +151,14 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         )
     if d.colour.p_value < UNLIKELY:
         several = ", but not for one cause that drives several equations" if len(fit.row_names) > 1 else ""
+        errors = f"Spectral standard errors allow for the colour{several}; classical ones do not"
+        if fit.process_levels is not None:
+            errors = "Standard errors rest on the levels of process_noise(), and do not allow for the colour"
         found.append(
             Doubt(
                 f"The residual lines{_of(fit, d.coloured)} are not of one level over the band (lower half "
                 f"{d.colour_ratio:.3g} times the upper half, p = {d.colour.p_value:.2g}): the noise is "
-                "coloured or the model misses part of the band. Spectral standard errors allow for the "
-                f"colour{several}; classical ones do not.",
+                f"coloured or the model misses part of the band. {errors}.",
                 sure=False,
             )
         )

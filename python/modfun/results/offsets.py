@@ -10,6 +10,7 @@ from functools import cache, partial
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from .cures import CLOSE, ENOUGH, STRONG, WORTH, Cure, again, bic_beside, convincing, furthest, on_band
 from .diagnosis import level_p, lower_p
 from .doubts import FINEST, SURE, Doubt, numbers, rms
@@ -44,6 +45,7 @@ def offset(fit: Estimates) -> Doubt | None:
     return None
 
 
+@kept
 def mean(fit: Estimates) -> Doubt | None:
     """That the mean of a record, line 0, contradicts a model without a constant."""
     without = fit.trend is None and any(low == 0 for low, _ in fit.lines)

@@ -16,6 +16,7 @@ from .cures import ENOUGH, again, rewritten
 from .diagnosis import growth, level_p, level_ratio
 from .doubts import SURE, Doubt, still_held
 from .estimates import Estimates
+from .offsets import mean
 
 __all__ = ["limited_input", "too_many_poles"]
 
@@ -48,7 +49,7 @@ def too_many_poles(fit: Estimates) -> Doubt | None:
 def limited_input(fit: Estimates) -> Doubt | None:
     """That an actuator saturates: where an input is limited, nothing ends on a bound, and noise is left."""
     stuck = fit.at_bound and not still_held(fit) and fit.again is not None and fit.records
-    if not stuck or not level_p(fit) < SURE:
+    if not stuck or not level_p(fit) < SURE or mean(fit):  # limits at the mean do what a constant does
         return None
     each = [limit for name in fit.inputs for limit in _limits(fit, name)]
     first = min(each, key=lambda limit: limit.left(fit), default=None)

@@ -4,7 +4,7 @@ import re
 
 import modfun as mf
 import pytest
-from modfun.base.elsewhere import FIT, FITS, RECORD, STUDY, SYSTEM
+from modfun.base.elsewhere import FIT, FITS, PACKAGE, RECORD, STUDY, SYSTEM
 
 MODEL = mf.tf([5], [1, 3, 8])
 REC = mf.simulate(MODEL, input="sin(t**2/5)", duration=10, intervals=256, nsr=0.1, seed=1)
@@ -52,3 +52,11 @@ def test_an_attribute_error_inside_a_property_is_shown_as_it_is(monkeypatch):
     monkeypatch.setattr(mf.Fit, "bic", property(lambda self: [].first))
     with pytest.raises(AttributeError, match="'list' object has no attribute 'first'"):
         mf.fit(REC, SECOND).bic  # noqa: B018
+
+
+@pytest.mark.parametrize(("name", "here"), PACKAGE.items())
+def test_the_package_says_what_functions_of_matlab_are_called_here(name, here):
+    with pytest.raises(AttributeError, match=rf"has no attribute '{name}': use {re.escape(here)}, see docs"):
+        getattr(mf, name)
+    for known in re.findall(r"mf\.(\w+)", here):
+        getattr(mf, known)

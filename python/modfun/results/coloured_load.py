@@ -1,0 +1,54 @@
+"""Noise that drives a transfer function and is not white, though noise="process" says so."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..base.cached import kept
+from .cures import again, on_band
+from .diagnosis import growth, worst_colour
+from .doubts import SURE, Doubt
+from .estimates import Estimates
+
+__all__ = ["coloured_load"]
+
+UNEVEN = 0.05  # distance of the cumulated power of the lines from a straight line, which moves estimates
+STILL = 1e-3  # of the lowest frequency: growth of a pole that may as well be an integrator
+APART = 1.0  # standard errors that the fit in coloured noise is off, at least
+
+
+@kept
+def coloured_load(fit: Estimates) -> Doubt | None:
+    """That lines which were weighted by the spectrum of a white load are not of one level.
+
+    Loads vary slowly, as friction, wind or the work of a tool does. Levels of a white one then leave too
+    little noise at low frequencies, and estimates give these too much weight. Coloured noise is fitted on the
+    same band, as by itself it may take one without the system's mode.
+    """
+    if fit.options.noise != "process" or not fit.layout.rational or fit.again is None or fit.df_resid < 2:
+        return None
+    colour, _, _ = worst_colour(fit)
+    if not (colour.p_value < SURE and colour.statistic > UNEVEN):
+        return None
+    text = (
+        "The lines, weighted by the spectrum of a white load and of white noise of the sensor, are not of "
+        f"one level over the band (p = {colour.p_value:.1g}): the load is not white, or the model misses "
+        "part of the band, and estimates and their standard errors may be wrong."
+    )
+    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(noise="coloured"))
+    if other is None or not other.success or growth(other) > STILL * fit.band[0]:
+        return Doubt(
+            f'{text} A fit with noise="coloured" on that band does not settle on a system that is stable, '
+            "either. First take a record in which the input moves the system more beside the load, or hold "
+            "what is known of it, params={...}."
+        )
+    moved = np.abs(other.params - fit.params) / fit.bse
+    at = int(np.argmax(np.where(np.isfinite(moved), moved, 0.0)))
+    if not moved[at] > APART:
+        return None
+    name, (low, high) = fit.param_names[at], fit.band
+    return Doubt(
+        f'{text} First try noise="coloured", band=({low:.4g}, {high:.4g}), whose noise may have any smooth '
+        f"spectrum: {name} is {fit.params[at]:.4g} ± {fit.bse[at]:.2g} without and {other.params[at]:.4g} ± "
+        f"{other.bse[at]:.2g} with it."
+    )
