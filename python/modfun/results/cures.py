@@ -158,10 +158,7 @@ def _missing_term(fit: Estimates) -> Cure | None:
 
 @kept
 def integral_missing(fit: Estimates) -> Cure | None:
-    """A state that the model lacks, the integral of another one, where it leaves no doubt.
-
-    Without the gravity of a bank angle its coefficient was 15 to 22 standard errors from 0.
-    """
+    """A state that the model lacks, the integral of another one: a bank angle was 15 to 22 errors from 0."""
     if not _alterable(fit) or not isinstance(fit.structure, StateSpace):
         return None
     options, found = on_band(fit, fit.band), list[Cure]()
