@@ -134,7 +134,11 @@ class StateSpace(Written):
         measured = channel_names("StateSpace", "outputs", given, len(c), "y")
         for i, name in enumerate(measured):
             if name in own and picked[i] != own.index(name):
-                raise SpecError(f"StateSpace: the output {name!r} has the name of a state that it is not")
+                renamed = [f"{x}_itself" if x == name else x for x in own]
+                raise SpecError(
+                    f"StateSpace: the output {name!r} has the name of a state that it is not; its row of C "
+                    f"and D shows something else. Name the state otherwise, states={renamed}"
+                )
         if twice := [name for name in drives if name in (*own, *measured)]:
             raise SpecError(f"StateSpace: {twice[0]!r} is named twice among states, inputs and outputs")
         late = delays_of(delay, drives)

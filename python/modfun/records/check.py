@@ -12,6 +12,7 @@ from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import TIMES, angle_of, counted_in
+from .codes import codes_of
 from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
 from .joints import joints
 from .mask import leaving_out, runs
@@ -19,7 +20,14 @@ from .samples import Samples
 from .slower import slow_samples
 from .spectra import noise_table, spectrum_of
 
-__all__ = ["check_record", "dropped_samples", "frozen_samples", "mixed_angles", "remarks_for_fits"]
+__all__ = [
+    "bad_samples",
+    "check_record",
+    "dropped_samples",
+    "frozen_samples",
+    "mixed_angles",
+    "remarks_for_fits",
+]
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
@@ -39,7 +47,7 @@ def check_record(record: Samples) -> Findings:
         form = _form(record, name)
         sentences += _between_samples(record, name, form)
         if _measured(record, name, form):
-            sentences += [*_codes(record, name), *_clipped(record, name), *_stale(record, name)]
+            sentences += [*codes_of(record, name), *_clipped(record, name), *_stale(record, name)]
             sentences += _outliers(record, name)
         if name in record.outputs:
             sentences += _trend(record, name)
@@ -61,8 +69,17 @@ def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
         if _measured(record, name, form):
             yield from (("frozen", name, text) for text in frozen_samples(record, name))
             yield from (("dropouts", name, text) for text in dropped_samples(record, name))
-            yield from (("code", name, text) for text in _codes(record, name))
+            yield from (("code", name, text) for text in codes_of(record, name))
             yield from (("clipped", name, text) for text in _clipped(record, name))
+
+
+def bad_samples(record: Samples, *, codes_only: bool = False) -> Iterator[str]:
+    """What makes a fit fail though only a few samples are wrong: codes, dropouts, outlying samples."""
+    moving = [name for name in (*record.outputs, *record.inputs) if np.ptp(record[name])]
+    names = [name for name in moving if _measured(record, name, _form(record, name))]
+    for find in (codes_of,) if codes_only else (codes_of, dropped_samples, _outliers):
+        for name in names:
+            yield from find(record, name)
 
 
 def _form(record: Samples, name: str) -> str:
@@ -292,24 +309,6 @@ def _half_a_sample(record: Samples, name: str) -> float:
 
 def _is_smooth(values: F64) -> bool:
     return float(np.mean(np.diff(values, 2) ** 2)) < 0.05 * float(np.mean(np.diff(values) ** 2))
-
-
-def _codes(record: Samples, name: str) -> Iterator[str]:
-    """Find one value, several times, far away from all others, such as -9999 where nothing was measured."""
-    values = record[name][record._good(name)]
-    for extreme in (float(values.max()), float(values.min())):
-        others = values[values != extreme]
-        count = len(values) - len(others)
-        if not 2 <= count < len(others):
-            continue
-        span = float(np.ptp(others))
-        if span > 0 and np.abs(others - extreme).min() > 10 * span:
-            cure = leaving_out(record, name, f"rec[{name!r}] != {extreme:g}")
-            yield (
-                f"{_kind(record, name)} {name!r}: {count} samples are exactly {extreme:g}, far from all "
-                f"others ({others.min():.4g} to {others.max():.4g}); if that is a code for missing values, "
-                f"{cure if name in record.outputs else 'fill them in'}."
-            )
 
 
 def _clipped(record: Samples, name: str) -> Iterator[str]:

@@ -20,6 +20,7 @@ from ..base.samples import EVEN, Origin, even_step
 from ..base.tables import Table
 from ..base.units import TIMES, seconds_in
 from ..errors import DataError, ModfunWarning, SpecError
+from .codes import code_in
 from .columns import (
     DAY,
     Columns,
@@ -303,6 +304,8 @@ def columns(
         good = values[np.isfinite(values)]
         low, high = (float(good.min()), float(good.max())) if good.size else (None, None)
         note = "empty" if low is None else "constant" if low == high else _told_role(name, table.told)
+        if code := code_in(good):
+            note += f"{', ' * bool(note)}{code[1]} values of {code[0]:g}: a code?"
         if name in times:
             note = f"time, {_paced(values, name, table.told)}"
             if (doubt := doubtful_step(values, name, table.told)) is not None:

@@ -22,6 +22,7 @@ from .doubts import (
     Doubt,
     biased,
     clipped,
+    coded,
     condition,
     contradicted,
     few_samples,
@@ -32,6 +33,7 @@ from .doubts import (
     noise_bends,
     noise_free,
     of_records,
+    of_samples,
     of_stability,
     on_bound,
     repeated,
@@ -133,7 +135,8 @@ def _failed(fit: Estimates) -> str:
         return still
     with np.errstate(all="ignore"):
         doubt = (
-            in_degrees(fit)
+            of_samples(fit)
+            or in_degrees(fit)
             or unlike_records(fit)
             or missing_input(fit)
             or in_other_units(fit)
@@ -331,11 +334,11 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
-    noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late, stands_still,
-    slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
-    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, unexplained, one_cause,
-    flips, unsettled, unstable, condition, uncertain_poles, wandering, twin,
+    coded, in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero,
+    runaway, noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late,
+    stands_still, slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
+    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, unexplained, one_cause, flips,
+    unsettled, unstable, condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -372,6 +375,7 @@ def check(fit: Estimates, line: str) -> Findings:
         found = list(said.values())
         note = noise_free(whole)
         first = (
+            coded,
             in_degrees,
             mean,
             stored_late,

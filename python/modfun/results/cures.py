@@ -12,6 +12,7 @@ import numpy as np
 from ..base.between import BY_FIT, MIXED
 from ..base.cached import kept
 from ..equations.equation import Equation
+from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.options import Options
@@ -19,7 +20,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, LEVER, neighbours
+from .neighbours import EXTRA, LEVER, integrals, neighbours
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
@@ -37,6 +38,7 @@ __all__ = [
     "convincing",
     "earlier_by",
     "furthest",
+    "integral_missing",
     "likely_cure",
     "of_written",
     "on_band",
@@ -59,6 +61,7 @@ FAR = (2, 4, 8, -2, -4, -8)  # these, in samples
 FURTHEST = 0.05  # of the record
 ALIGNED = 0.1  # samples from whole ones, which are exact
 MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so much of the best one's worth
+MOVED = 11.0  # standard errors of the coefficient of a state that is missing: of slow noise they were below 9
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -151,6 +154,22 @@ def of_written(fit: Estimates) -> Cure | None:
 def _missing_term(fit: Estimates) -> Cure | None:
     """The term that lowers BIC most."""
     return _of_group(fit, next(iter(neighbours(fit)[1:]), ()), None)
+
+
+@kept
+def integral_missing(fit: Estimates) -> Cure | None:
+    """A state that the model lacks, the integral of another one: a bank angle was 15 to 22 errors from 0."""
+    if not _alterable(fit) or not isinstance(fit.structure, StateSpace):
+        return None
+    options, found = on_band(fit, fit.band), list[Cure]()
+    for words, structure in integrals(fit.structure):
+        other = again(fit, fit.records, structure, options)
+        # A constant in the equation of an integral is a drift, which follows slow noise without the state.
+        if other is not None and abs(other[EXTRA]) > MOVED * other.bse[other.param_names.index(EXTRA)]:
+            told = words.format(f"{other[EXTRA]:.3g}")
+            found.append(Cure(told, bic_beside(fit, fit), bic_beside(other, fit), level_p(other)))
+    best = min((one for one in found if isfinite(one.after)), key=lambda one: one.after, default=None)
+    return best if best and convincing(fit, best) else None
 
 
 def _alterable(fit: Estimates) -> bool:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..base.names import listed
 from ..language.parser import Node
-from ..records.check import mixed_angles, remarks_for_fits
+from ..records.check import bad_samples, mixed_angles, remarks_for_fits
 from ..records.spectra import spectrum_of
 from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
 from .estimates import Estimates
@@ -26,6 +26,7 @@ __all__ = [
     "Doubt",
     "biased",
     "clipped",
+    "coded",
     "condition",
     "contradicted",
     "few_samples",
@@ -37,6 +38,7 @@ __all__ = [
     "noise_free",
     "numbers",
     "of_records",
+    "of_samples",
     "on_bound",
     "pieces",
     "repeated",
@@ -392,6 +394,19 @@ def noise_free(fit: Estimates) -> str | None:
         f"There is no noise to test the residuals against: they are {numbers(each)} of the output "
         "(rms), as errors of the quadrature may be."
     )
+
+
+def coded(fit: Estimates) -> Doubt | None:
+    """That a channel has codes for missing values, beside which nothing else of it counts."""
+    return of_samples(fit, codes_only=True)
+
+
+def of_samples(fit: Estimates, *, codes_only: bool = False) -> Doubt | None:
+    """The first code, or else dropouts or outlying samples, of the records."""
+    for k, rec in enumerate(fit.records or ()):
+        for text in bad_samples(rec, codes_only=codes_only):
+            return Doubt(text if len(fit.records or ()) == 1 else f"Record {k}: {text}")
+    return None
 
 
 def clipped(fit: Estimates) -> Doubt | None:

@@ -59,9 +59,9 @@ UNITS: tuple[Unit, ...] = (
     (1 / 0.3048, "in feet and not in metres"),
     (0.3048, "in metres and not in feet"),
     (1 / 0.5144, "in knots and not in m/s"),
-    (0.5144, "in m/s and not in knots"),
+    (0.5144, "in m/s and not in knots, or in m/s² beside a speed in knots"),
 )
-OF_FORCES = UNITS[2:6]  # what accelerations may be in
+OF_FORCES = (*UNITS[2:6], UNITS[7])  # what accelerations may be in
 OF_ANGLES = UNITS[:2]  # the same of channels whose unit is an angle, or one of rates of turn
 
 

@@ -16,6 +16,7 @@ from .cures import (
     again,
     best_cure,
     convincing,
+    integral_missing,
     likely_cure,
     of_written,
     on_band,
@@ -347,6 +348,10 @@ def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Dou
         term = of_written(fit)
         if term and term.level_p > ENOUGH:
             return [_lacking(fit, term)]
+    # A drift of the equations, or noise that drives them, may be what an integral that they lack does.
+    slow = cure is None or (cure.words == DRIFT and not cure.level_p > ENOUGH)
+    if beyond and slow and (integral := integral_missing(fit)):
+        return [_lacking(fit, integral)]
     said = [_lacking(fit, cure)] if cure else []
     if driving and (noise := driven(fit)) is not None:
         said.append(_driving(fit, d, noise))

@@ -23,7 +23,17 @@ from .estimates import Estimates
 from .shifts import likeliest_lever
 from .worth import Key
 
-__all__ = ["EXTRA", "LEVER", "neighbours", "of_levers", "rates_of", "unused", "with_levers", "with_offset"]
+__all__ = [
+    "EXTRA",
+    "LEVER",
+    "integrals",
+    "neighbours",
+    "of_levers",
+    "rates_of",
+    "unused",
+    "with_levers",
+    "with_offset",
+]
 
 EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
@@ -52,6 +62,26 @@ def neighbours(fit: Estimates) -> tuple[Changed, ...]:
     if isinstance(model, StateSpace):
         return _instruments(fit, model), _entries(model)
     return chain(_shifts(fit, model), _offsets(model)), _terms(fit, model), _pairs(model)
+
+
+def integrals(model: StateSpace) -> Iterator[tuple[str, StateSpace]]:
+    """One more state, the integral of a state, in the equation of another: an attitude beside its rate."""
+    n, nothing = len(model.states), [0] * len(model.inputs)
+    if EXTRA in model.all_parameters:
+        return
+    for i, j in ((i, j) for i in range(n) for j in range(n) if i != j):
+        row = [int(k == j) for k in range(n)]
+        a = [*([*own, EXTRA if k == i else 0] for k, own in enumerate(model.A)), [*row, 0]]
+        name, of = f"{model.states[j]}_integral", model.states[j]
+        words = (
+            f"a state more that is the integral of {of}, x' = {of}, with a term in x in the equation of "
+            f"{model.states[i]}' (coefficient {{}}), as a bank or pitch angle beside its rate; if it is "
+            "measured, as an output"
+        )
+        c = [[*own, 0] for own in model.C]
+        params = _more(model, Free())
+        made = model._like(A=a, B=[*model.B, nothing], C=c, states=[*model.states, name], params=params)
+        yield words, made
 
 
 def _late(fit: Estimates) -> Free:

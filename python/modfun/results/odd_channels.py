@@ -19,7 +19,7 @@ from .estimates import Estimates
 from .held_numbers import turned, unit_of
 from .regression import rms
 
-__all__ = ["Change", "left_of", "likeliest_change", "told"]
+__all__ = ["Change", "left_of", "likeliest_change", "told", "told_both"]
 
 OTHER = 0.03  # relative: a factor closer to 1 is none
 SIGMAS = 4.0  # standard errors, the same of a factor and of a time
@@ -76,6 +76,16 @@ class Change:
         words, (moved,) = earlier_by((rec,), self.channel, near if whole else self.late, whole=whole)
         return words, moved
 
+    @property
+    def unit(self) -> bool:
+        """Whether the factor is that of a unit."""
+        return unit_of(self.factor) is not None
+
+    def inverse(self, record: int) -> Change:
+        """The change of a record with the same channel that makes both alike as well."""
+        error = self.error if self.late else self.error / self.factor**2
+        return replace(self, record=record, factor=1 / self.factor, late=-self.late, error=error)
+
     def same(self, other: Change) -> bool:
         """Whether it is that of another record, too."""
         near = abs(self.size / other.size - 1) < OTHER and self.factor * other.factor > 0
@@ -110,18 +120,51 @@ class Change:
 
 def told(fit: Estimates, changes: Sequence[Change]) -> Doubt:
     """The channels in words, with the change of the records."""
-    records, first = fit.records or (), changes[0]
-    if len(changes) > 1 and all([one.same(first) for one in changes]):
-        where = [str(one.record) for one in changes]
-        text = first.seen(f"records {', '.join(where[:-1])} and {where[-1]}")
-        text += f". First try {first.cure(records[first.record], 'rec')} for these"
+    if len(changes) > 1 and all([one.same(changes[0]) for one in changes]):
+        text = f"{changes[0].seen(_of_all(changes))}. First try {_cure(fit, changes, 'these')}"
     else:
         text = "; ".join([one.seen(f"record {one.record}") for one in changes]) + ". First try "
-        text += ", ".join([one.cure(records[one.record], f"records[{one.record}]") for one in changes])
-    if len(fit.outputs) == len(fit.inputs) == 1:
-        other = next(name for name in (*fit.outputs, *fit.inputs) if name != first.channel)
-        text += f"; the inverse change of {other} would do the same"
-    return Doubt(f"{text}.")
+        text += ", ".join([_cure(fit, [one]) for one in changes])
+    return Doubt(f"{text}{_or_inverse(fit, changes[0])}.")
+
+
+def told_both(fit: Estimates, changes: Sequence[Change], others: Sequence[Change]) -> Doubt:
+    """The same of two groups of as many records, of which either may be changed."""
+    here, there, one = _of_all(changes), _of_all(others), changes[0]
+    pair = len(changes) == 1
+    cures = [_cure(fit, changes), _cure(fit, others)]
+    if turned(one.factor):
+        text = f"{one.channel} of {here} and {one.channel} of {there} are of opposite signs"
+        cures[1] = f"the same of {there}"
+    else:
+        text = one.seen(here).replace("the rest of the list predicts", f"{there} predict{'s' * pair}")
+    open_ = "two records do not tell which is wrong" if pair else "as many do not tell which are wrong"
+    return Doubt(
+        f"{text}, and {open_}; the wrong change would pass in silence. First see the wiring, the calibration "
+        f"or other manoeuvres; then {' or '.join(cures)}{_or_inverse(fit, one)}."
+    )
+
+
+def _of_all(changes: Sequence[Change]) -> str:
+    """The records in words."""
+    where = [str(one.record) for one in changes]
+    return f"record {where[0]}" if len(where) == 1 else f"records {', '.join(where[:-1])} and {where[-1]}"
+
+
+def _cure(fit: Estimates, changes: Sequence[Change], where: str = "") -> str:
+    """One change of a record or of several."""
+    first, records = changes[0], fit.records or ()
+    name = f"records[{first.record}]" if len(changes) == 1 else "rec"
+    words = first.cure(records[first.record], name)
+    return words if len(changes) == 1 else f"{words} for {where or _of_all(changes)}"
+
+
+def _or_inverse(fit: Estimates, change: Change) -> str:
+    """The channel that does the same in all that a record of two tells."""
+    if not len(fit.outputs) == len(fit.inputs) == 1:
+        return ""
+    other = next(name for name in (*fit.outputs, *fit.inputs) if name != change.channel)
+    return f"; the inverse change of {other} would do the same"
 
 
 def likeliest_change(base: Estimates, rec: Record, k: int) -> Change | None:

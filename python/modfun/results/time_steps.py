@@ -34,18 +34,29 @@ class OtherStep:
         return rec._like(t=t, dt=rec.dt and rec.dt * self.faster)
 
     def told(self, fit: Estimates, own: Estimates | None, others: Estimates) -> Doubt:
-        """What was seen, with the parameter that tells it best where the record alone has one, and a step."""
-        records = fit.records or ()
-        step = records[self.record].dt or float(np.median(np.diff(records[self.record].t)))
-        pair = len(records) == 2
+        """What was seen, with the parameter that tells it best where the record alone has one, and a step.
+
+        Two records that are both explained alone do not tell whose step is wrong.
+        """
+        pair = len(fit.records or ()) == 2
         whose = f"record {1 - self.record}" if pair else "the others"
         asked = "Are both time steps right" if pair else "Is its time step right"
         times = f"{self.faster:g} times faster" if self.faster > 1 else f"{1 / self.faster:g} times slower"
+        either = ", with which all records agree"
+        if pair and own is not None and own.usable:
+            other = _step_of(fit, 1 - self.record, 1 / self.faster)
+            either = f", or {other}: with either both agree, and they do not tell which is wrong"
         return Doubt(
             f"Record {self.record} contradicts {whose}: {_apart(own, others)}as if all in it went {times}. "
-            f"{asked}? First try dt={step * self.faster:.6g} for record {self.record} in place of {step:.6g}"
-            ", with which all records agree."
+            f"{asked}? First try {_step_of(fit, self.record, self.faster)}{either}."
         )
+
+
+def _step_of(fit: Estimates, record: int, times: float) -> str:
+    """A record's time step made so many times longer, in words."""
+    rec = (fit.records or ())[record]
+    step = rec.dt or float(np.median(np.diff(rec.t)))
+    return f"dt={step * times:.6g} for record {record} in place of {step:.6g}"
 
 
 def _apart(own: Estimates | None, others: Estimates) -> str:

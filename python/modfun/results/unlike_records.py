@@ -12,7 +12,7 @@ from .cures import ENOUGH, again, again_at_all, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
-from .odd_channels import Change, likeliest_change, told
+from .odd_channels import Change, likeliest_change, told, told_both
 from .time_steps import other_step
 
 __all__ = ["unlike_alone", "unlike_records"]
@@ -45,19 +45,15 @@ def unlike_records(fit: Estimates) -> Doubt | None:
     fits = [own for own in each if own is not None]
     values, errors = (np.array([getattr(own, name) for own in fits]) for name in ("params", "bse"))
     covs = [own.cov_params() for own in fits]
-    if not np.all(errors > 0) or not (p := _p_value(values, covs)) < SURE:
+    if not np.all(errors > 0):
         return None
-    for k in right:
-        others = [j for j in right if j != k]
-        if len(others) > 1 and not _p_value(values[others], [covs[j] for j in others]) > ENOUGH:
-            continue
-        base = _together(fit, others)
-        if base is not None and (slip := _of_step(fit, base, each[k], k)):
-            return slip
-        found = _of_channels(fit, base, others)
-        # Of two records the one with the larger numbers is named.
-        if found and not (len(others) == 1 and k == 0 and found[0].size < 1):
-            return told(fit, found)
+    parts = _weighted(values, covs)
+    p = _p_value(parts, range(len(fits)))
+    if not p < SURE:
+        return None
+    most = [right[at] for at in _agreeing(parts)]
+    if (len(most) > 1 or len(right) == 2) and (slip := _of_rest(fit, each, most)):
+        return slip
     cure = likely_cure(fit) if fit.usable and not fit.layout.rational else None
     if cure is not None and cure.level_p > ENOUGH:
         return None
@@ -145,7 +141,8 @@ def _of_step(fit: Estimates, base: Estimates, own: Estimates | None, k: int) -> 
     `base`: the fit of the others; `own`: of the record.
     """
     records = list(fit.records or ())
-    slip = other_step(base, records[k], k, own if own is not None and _right(own) else None)
+    own = own if own is not None and _right(own) else None
+    slip = other_step(base, records[k], k, own)
     if slip is None:
         return None
     records[k] = slip.undone(records[k])
@@ -155,14 +152,49 @@ def _of_step(fit: Estimates, base: Estimates, own: Estimates | None, k: int) -> 
     return slip.told(fit, own, base) if told else None
 
 
-def _p_value(values: F64, covs: Sequence[F64]) -> float:
+def _of_rest(fit: Estimates, each: Sequence[Estimates | None], most: Sequence[int]) -> Doubt | None:
+    """The time step or channel with which the rest of the records agree with these, which agree alone.
+
+    Where the rest are as many, nothing but a unit tells which are wrong: the larger numbers are named.
+    """
+    rest = sorted({*range(len(each))} - {*most})
+    base, tied = _together(fit, most), len(rest) == len(most)
+    if base is not None and len(rest) == 1 and (slip := _of_step(fit, base, each[rest[0]], rest[0])):
+        return slip
+    found = _of_channels(fit, base, most)
+    if not (found and tied and all([one.same(found[0]) for one in found])):
+        return told(fit, found) if found else None
+    other = [found[0].inverse(k) for k in most]
+    first, second = (other, found) if found[0].size < 1 else (found, other)
+    return told(fit, first) if first[0].unit else told_both(fit, first, second)
+
+
+def _weighted(values: F64, covs: Sequence[F64]) -> tuple[F64, F64, F64]:
+    """Weights of estimates, weighted estimates and their squares, about a middle one."""
+    weights, about = np.array([np.linalg.pinv(cov) for cov in covs]), values - np.median(values, axis=0)
+    first = np.einsum("kij,kj->ki", weights, about)
+    return weights, first, np.einsum("ki,ki->k", first, about)
+
+
+def _far(parts: tuple[F64, F64, F64], chosen: Sequence[int]) -> float:
+    """Chi-square of these estimates about their mean."""
+    weight, first, square = (part[list(chosen)].sum(axis=0) for part in parts)
+    return max(float(square - first @ np.linalg.pinv(weight) @ first), 0.0)
+
+
+def _p_value(parts: tuple[F64, F64, F64], chosen: Sequence[int]) -> float:
     """Wald test that all have the same parameters, in units of their errors."""
     from scipy.special import chdtrc
 
-    weights = [np.linalg.pinv(cov) for cov in covs]
-    mean = np.linalg.pinv(sum(weights)) @ sum(w @ own for w, own in zip(weights, values, strict=True))
-    far = sum(float((own - mean) @ w @ (own - mean)) for w, own in zip(weights, values, strict=True))
-    return float(chdtrc((len(values) - 1) * mean.size, far))
+    return float(chdtrc((len(chosen) - 1) * parts[1].shape[1], _far(parts, chosen)))
+
+
+def _agreeing(parts: tuple[F64, F64, F64]) -> list[int]:
+    """Those that agree: one by one those are left out without which the others agree best."""
+    chosen = list(range(len(parts[0])))
+    while len(chosen) > 1 and _p_value(parts, chosen) < SURE:
+        chosen.remove(min(chosen, key=lambda k: _far(parts, [j for j in chosen if j != k])))
+    return chosen
 
 
 def _told(fit: Estimates, values: F64, errors: F64) -> str:

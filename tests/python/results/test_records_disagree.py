@@ -160,3 +160,48 @@ def test_lists_of_three_unlike_manoeuvres_stay_silent():
             for k, (nsr, duration) in enumerate(((0.02, 12.0), (0.05, 16.0), (0.1, 14.0)))
         ]
         assert warned(records, SHORT)[1] == ""
+
+
+def mended(records, cure):
+    """The records with the change that a message names."""
+    change, _, where = cure.partition(" for records ")
+    chosen = [int(k) for k in where.split(" and ")] if where else [int(change[8])]
+    changed = {k: eval(change, {"records": records, "rec": records[k], "np": np}) for k in chosen}
+    return [changed.get(k, rec) for k, rec in enumerate(records)]
+
+
+@pytest.mark.parametrize(("count", "off"), [(2, (0,)), (2, (1,)), (4, (0, 3)), (4, (1, 2))])
+@pytest.mark.parametrize("factor", [-1.0, 1 / 1.3, 1.3])
+def test_of_as_many_records_neither_side_is_said_to_be_wrong(count, off, factor):
+    """The first, or the larger one, was named with confidence: derivatives of the other sign, in silence."""
+    for seed in range(2):
+        records = [flown(4 * seed + k) for k in range(count)]
+        for k in off:
+            records[k] = records[k].assign(de=factor * records[k]["de"])
+        text = warned(records, SHORT)[1]
+        tells = (
+            "two records do not tell which is wrong" if count == 2 else "as many do not tell which are wrong"
+        )
+        assert tells in text
+        first, second = text.rstrip(".").split("; then ")[1].split(" or ")
+        if factor < 0:
+            assert "are of opposite signs" in text
+            sides = [set(range(count)) - set(off), set(off)]
+            here, there = (
+                {int(k) for k in one.replace("records[", " ").replace("]", " ").split() if k.isdigit()}
+                for one in (first, second)
+            )
+            assert {frozenset(here), frozenset(there)} == {frozenset(one) for one in sides}
+            second = first
+        for cure in (first, second):
+            assert warned(mended(records, cure), SHORT)[1] == ""
+
+
+def test_two_of_five_records_with_an_elevator_of_the_other_sign_are_named():
+    """One at a time was left out: the message was of flight conditions."""
+    for seed in range(4):
+        records = [flown(5 * seed + k) for k in range(5)]
+        for k in (1, 4):
+            records[k] = records[k].assign(de=-records[k]["de"])
+        text = warned(records, SHORT)[1]
+        assert "de of records 1 and 4 is of the opposite sign. First try rec.assign(de=-rec['de'])" in text

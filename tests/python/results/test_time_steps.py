@@ -49,6 +49,7 @@ def test_of_two_records_none_is_said_to_be_the_wrong_one():
     text = warned(records, TF)[1]
     assert "Record 0 contradicts record 1: " in text
     assert "times slower. Are both time steps right? First try dt=0.002 for record 0 in place of 0.02" in text
+    assert ", or dt=0.02 for record 1 in place of 0.002: with either both agree, and they do not tell" in text
 
 
 def test_records_with_steps_of_their_own_are_right():
