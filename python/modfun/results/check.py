@@ -21,6 +21,7 @@ from .doubts import (
     clipped,
     condition,
     contradicted,
+    eliminated,
     few_samples,
     in_hertz,
     in_two_units,
@@ -243,8 +244,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero, runaway,
     noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late, stands_still,
     slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
-    unrecorded_input, late_channel, bent, swapped, fed_back, unexplained, one_cause, flips, unsettled,
-    unstable, condition, uncertain_poles, wandering, twin,
+    unrecorded_input, late_channel, bent, swapped, fed_back, eliminated, unexplained, one_cause, flips,
+    unsettled, unstable, condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -295,6 +296,7 @@ def check(fit: Estimates, line: str) -> Findings:
             bent,
             swapped,
             fed_back,
+            eliminated,
         )
         told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.

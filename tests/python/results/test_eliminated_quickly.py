@@ -38,8 +38,8 @@ def levels(dt):
     return v, h
 
 
-@pytest.mark.parametrize(("seed", "most"), [(0, 4), (6, 2)])
-def test_two_tanks_of_which_one_is_measured_make_few_fits(seed, most):
+@pytest.mark.parametrize("seed", [6, 7])
+def test_two_tanks_of_which_one_is_measured_make_few_fits(seed):
     """They made some sixty, in minutes, though none of them is better off."""
     v, h = levels(0.5)
     rec = mf.Record(
@@ -56,9 +56,9 @@ def test_two_tanks_of_which_one_is_measured_make_few_fits(seed, most):
 
     fresh = replace(fit, again=again)
     warnings_of(fresh)
-    assert len(made) <= most
+    assert len(made) <= 2
     check(fresh, "it")
-    assert len(made) <= 4 * most
+    assert len(made) <= 8
 
 
 @pytest.mark.parametrize("order", [0, 1, 3])
@@ -74,3 +74,16 @@ def test_smoothed_derivatives_are_those_of_savitzky_and_golay(order):
     ]
     assert len(fits) == 1
     assert np.isclose(own, savgol_coeffs(fits[0], 5, deriv=order, delta=0.5)[fits[0] // 2], atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_tanks_of_which_one_is_measured_warn_at_the_noise_level(seed):
+    """Of ten records intervals of b and c2 held the truth in five, in silence."""
+    v, h = levels(2.0)
+    noise = 0.05 * np.random.default_rng(seed).standard_normal(h.size)
+    rec = mf.Record(y={"h2": h + noise}, u={"v": v}, dt=2.0)
+    with pytest.warns(mf.ModfunWarning, match="First measure h1, or fit the response"):
+        fit = mf.fit(rec, TANKS)
+    assert fit.sigma < 1.5 * fit.high_band_sigma
+    closer = mf.rivals.output_error(TANKS, start=dict(fit.params))(rec)
+    assert abs(closer["b"] / TRUTH["b"] - 1) < 0.15
