@@ -48,6 +48,7 @@ from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
+from .multiplied import multiplied
 from .offsets import mean, offset
 from .runaway import runaway
 from .slow_inputs import slow_input
@@ -303,10 +304,11 @@ def check(fit: Estimates, line: str) -> Findings:
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
             residual = of_residuals(whole, d)
-            found += [clipped(whole)] if any(doubt and doubt.sure for doubt in residual) else []
+            sure = any(doubt and doubt.sure for doubt in residual)
+            found += [clipped(whole)] if sure else []
             named = any(doubt and 'trend="linear"' in doubt.text for doubt in residual)
             found += [of_tone(whole), *residual, None if named else of_drift(whole)]
-            found += [of_colour(whole, d), of_time(whole)]
+            found += [of_colour(whole, d), (None if sure else multiplied(whole)) or of_time(whole)]
         found += [
             None if said[wandering] else _answer(undeclared, fit),
             biased(fit),
