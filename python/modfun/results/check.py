@@ -25,6 +25,7 @@ from .doubts import (
     coded,
     condition,
     contradicted,
+    eliminated,
     few_samples,
     in_hertz,
     in_two_units,
@@ -52,6 +53,7 @@ from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted
+from .multiplied import multiplied
 from .offsets import mean, offset
 from .origin import LEAST_GAIN, origin, smaller_errors
 from .runaway import runaway
@@ -337,8 +339,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     coded, in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero,
     runaway, noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late,
     stands_still, slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
-    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, unexplained, one_cause, flips,
-    unsettled, unstable, condition, uncertain_poles, wandering, twin,
+    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, eliminated, unexplained, one_cause,
+    flips,unsettled, unstable, condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -391,16 +393,18 @@ def check(fit: Estimates, line: str) -> Findings:
             bent,
             swapped,
             fed_back,
+            eliminated,
         )
         told = [said[look] for look in first]
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
             residual = of_residuals(whole, d)
-            found += [clipped(whole)] if any(doubt and doubt.sure for doubt in residual) else []
+            sure = any(doubt and doubt.sure for doubt in residual)
+            found += [clipped(whole)] if sure else []
             named = any(doubt and 'trend="linear"' in doubt.text for doubt in residual)
             found += [of_tone(whole), *residual, None if named else of_drift(whole)]
-            found += [of_colour(whole, d), of_time(whole)]
+            found += [of_colour(whole, d), (None if sure else multiplied(whole)) or of_time(whole)]
         found += [
             None if said[wandering] else _answer(undeclared, fit),
             biased(fit),

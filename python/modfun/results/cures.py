@@ -33,6 +33,7 @@ __all__ = [
     "Realigned",
     "again",
     "again_at_all",
+    "amplified",
     "best_cure",
     "bic_beside",
     "convincing",
@@ -175,7 +176,16 @@ def integral_missing(fit: Estimates) -> Cure | None:
 def _alterable(fit: Estimates) -> bool:
     """Whether other equations may be fitted to the records."""
     made = fit.again is not None and fit.records is not None
-    return made and not fit.layout.rational and fit.process_levels is None
+    return made and not fit.layout.rational and fit.process_levels is None and not amplified(fit)
+
+
+def amplified(fit: Estimates) -> bool:
+    """Whether eliminating a hidden signal has left products of derivatives, which are the likelier cause.
+
+    They amplify noise in whatever stands next to the equations, too, and each fit of that takes a second.
+    """
+    formulas = getattr(fit.layout, "formulas", None)  # of equations
+    return formulas is not None and bool(formulas.compiled.hidden) and bool(formulas.compiled.products)
 
 
 def _of_group(

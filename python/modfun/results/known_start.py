@@ -10,7 +10,7 @@ import numpy as np
 from ..models.free import Free
 from ..records.periods import periods
 from ..records.steady import QUIET, standing
-from .cures import again, on_band, rewritten
+from .cures import again, amplified, on_band, rewritten
 from .diagnosis import growth
 
 if TYPE_CHECKING:
@@ -95,7 +95,8 @@ def gain_of_start(fit: Estimates) -> str | None:
     odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]
     if odd or not options.extended:
         return None
-    if len(fit.outputs) > 1:  # forty to eighty fits, a level of each output before the record being unknown
+    # Forty to eighty fits, a level of each output before the record being unknown, or as many slow ones.
+    if len(fit.outputs) > 1 or amplified(fit):
         return None
     if all(standing(rec) >= QUIET for rec in fit.records):
         told, seen = "rest", "The inputs begin steady, and the output agrees with a start at rest"

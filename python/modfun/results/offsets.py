@@ -11,7 +11,19 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.cached import kept
-from .cures import CLOSE, ENOUGH, STRONG, WORTH, Cure, again, bic_beside, convincing, furthest, on_band
+from .cures import (
+    CLOSE,
+    ENOUGH,
+    STRONG,
+    WORTH,
+    Cure,
+    again,
+    amplified,
+    bic_beside,
+    convincing,
+    furthest,
+    on_band,
+)
 from .diagnosis import level_p, lower_p
 from .doubts import FINEST, SURE, Doubt, numbers, rms
 from .estimates import Estimates
@@ -65,7 +77,8 @@ def mean(fit: Estimates) -> Doubt | None:
         )
     if told := _bent(fit, beside) or _settled(fit, beside) or _off_zero(fit, spread):
         return Doubt(f"{told} {_constant(fit, beside())}")
-    one = len(fit.outputs) == 1  # of several, each channel in each equation takes a fit
+    # Of several outputs, each channel in each equation takes a fit.
+    one = len(fit.outputs) == 1 and not amplified(fit)
     found = _offset_of(fit, math.inf) if one and level_p(fit) < SURE else None
     if found is not None and found.settles and found.trend is not None:
         return Doubt(

@@ -97,6 +97,11 @@ class Compiled:
     fixed: Mapping[str, float] = field(default_factory=dict)
 
     @property
+    def products(self) -> bool:
+        """Whether products of a signal and a derivative are left, which amplify noise."""
+        return any(term.factor is not None for term in self.terms)
+
+    @property
     def is_driven_by_time(self) -> bool:
         """Whether the user's equations contain the time or a known function of it."""
         used = set().union(*(e.free_symbols for e in self.source))

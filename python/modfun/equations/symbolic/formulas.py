@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from itertools import combinations
 from typing import Any, TypeVar
 
@@ -23,7 +24,6 @@ from .times import Times, moved
 from .words import said
 
 __all__ = ["Formulas", "formulas", "of_record"]
-
 
 _ANYTHING = Free()
 Value = TypeVar("Value")
@@ -95,10 +95,8 @@ class Formulas:
 
     def rows(self, y: F64, u: F64, t: F64, own: bool | None = None, record: int = 0) -> F64:
         """Channels (channel, time) of a record; `own`: only those that differ among records of one input."""
-        given = [c for c in self.channels if own is None or c.own == own]
-        return np.ascontiguousarray(
-            np.vstack([self._late_row(c, y, u, t, record) for c in given] or [np.empty((0, t.size))])
-        )
+        rows = [self._late_row(c, y, u, t, record) for c in self.channels if own is None or c.own == own]
+        return np.ascontiguousarray(np.vstack(rows or [np.empty((0, t.size))]))
 
     def _late_row(self, channel: Channel, y: F64, u: F64, t: F64, record: int) -> Any:
         row = self._row(channel, y, u, t, record)
@@ -134,7 +132,7 @@ class Formulas:
         """Samples of an expression of outputs, inputs and the time."""
         names = [*self.compiled.outputs, *self.compiled.inputs]
         symbols = [*(jet(name) for name in names), time]
-        found = sympy.lambdify(symbols, expr, "numpy")(*y, *u, t)
+        found = _function(tuple(symbols), expr)(*y, *u, t)
         return np.broadcast_to(np.asarray(found, dtype=float), t.shape)
 
     def without_value(self, y: F64, u: F64, t: F64) -> tuple[sympy.Expr, sympy.Expr, F64] | None:
@@ -161,6 +159,9 @@ class Formulas:
     def needs_levels(self) -> bool:
         """Whether the sizes of the noise levels matter."""
         return bool(self.words["levels_matter"])
+
+
+_function = lru_cache(maxsize=64)(partial(sympy.lambdify, modules="numpy"))
 
 
 def formulas(

@@ -1,0 +1,38 @@
+"""The check of a fit says where noise multiplies outputs that stay above zero."""
+
+import warnings
+
+import modfun as mf
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+PREY = mf.Equation(["h' = a*h - b*h*l", "l' = d*h*l - g*l"], outputs=["h", "l"])
+T = np.arange(0, 25.01, 0.25)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    def rates(_, x):
+        return [0.8 * x[0] - 0.04 * x[0] * x[1], 0.015 * x[0] * x[1] - 0.6 * x[1]]
+
+    return solve_ivp(rates, (0, 25), [30, 8], t_eval=T, rtol=1e-9, atol=1e-9).y
+
+
+def said(y):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        fit = mf.fit(mf.Record(y={"h": y[0], "l": y[1]}, dt=0.25), PREY)
+    return 'noise="log-normal"' in str(fit.check())
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_that_multiplies_is_named(clean, seed):
+    assert said(clean * np.exp(0.1 * np.random.default_rng(seed).standard_normal(clean.shape)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("noise", [0.02, 0.1])
+def test_noise_that_adds_is_not(clean, seed, noise):
+    size = noise * clean.std(axis=1)[:, None]
+    assert not said(np.abs(clean + size * np.random.default_rng(seed).standard_normal(clean.shape)) + 1e-9)
