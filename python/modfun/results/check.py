@@ -339,8 +339,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     coded, in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero,
     runaway, noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late,
     stands_still, slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
-    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, eliminated, unexplained, one_cause,
-    flips,unsettled, unstable, condition, uncertain_poles, wandering, twin,
+    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, eliminated, unexplained,
+    one_cause, flips, unsettled, unstable, condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
