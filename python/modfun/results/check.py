@@ -68,7 +68,7 @@ from .undeclared import undeclared, wandering
 from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
-from .unrecorded_inputs import unrecorded_input
+from .unrecorded_inputs import unforced, unrecorded_input
 
 __all__ = ["check", "is_quick", "warnings_of"]
 
@@ -336,11 +336,11 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    coded, in_degrees, jumps, unlike_records, one_record, offset, mean, repeated, sparse, not_from_zero,
-    runaway, noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected, stored_late,
-    stands_still, slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers, missing_input,
-    unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, eliminated, unexplained,
-    one_cause, flips, unsettled, unstable, condition, uncertain_poles, wandering, twin,
+    coded, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated, sparse,
+    not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected,
+    stored_late, stands_still, slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers,
+    missing_input, unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, eliminated,
+    unexplained, one_cause, flips, unsettled, unstable, condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 

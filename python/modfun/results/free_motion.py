@@ -21,7 +21,7 @@ from .doubts import SURE, Doubt
 from .estimates import Estimates
 from .neighbours import EXTRA
 
-__all__ = ["bent"]
+__all__ = ["bent", "settled_motion"]
 
 
 SAID = 1e-3  # p-value below which `check` speaks
@@ -56,6 +56,12 @@ def bent(fit: Estimates) -> Doubt | None:
         f"First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}.",
         sure=found.p_value < SURE and (cure.level_p > ENOUGH or halved),
     )
+
+
+def settled_motion(fit: Estimates) -> float:
+    """The probability of the residuals that the sine of the output or a cube leaves; 0 without either."""
+    found = _nonlinear(fit)
+    return found.cure.level_p if found else 0.0
 
 
 @kept

@@ -1,25 +1,31 @@
-"""Inputs that nobody recorded: one cause of the residuals of several linear equations."""
+"""Inputs that nobody recorded: one cause of several linear equations, or what drives those without one."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
 
 from ..base.cached import kept
 from ..base.names import listed
-from .cures import ENOUGH, again, of_written
-from .diagnosis import level_p
+from ..errors import ModfunError
+from .cures import ENOUGH, again, amplified, of_written, on_band
+from .diagnosis import level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free
 from .driven_equations import driven
 from .estimates import Estimates
+from .free_motion import settled_motion
 from .held_numbers import contradicted_numbers
 from .linear_lines import equation_lines
+from .neighbours import with_offset
+from .scores import of_response
 from .unnamed_inputs import missing_input
 
-__all__ = ["unrecorded_input"]
+__all__ = ["unforced", "unrecorded_input"]
 
 ABOVE = 3.0  # times the noise, from which residuals of an equation have a cause; of right models 0.7 to 1.3
+HALF = 50.0  # per cent that a response follows: of motions that something else drives 0 to 30
 TOGETHER = 0.9  # correlation of equations that have one cause: 0.95 of a rudder, 0.7 of signs
 
 
@@ -59,3 +65,47 @@ def unrecorded_input(fit: Estimates) -> Doubt | None:
         f"together (correlation {r:.2g}){lost}: an input that is not in the record seems to act, such as a "
         f"rudder or a flap. First look when it acts, {look}, and add that input to the record."
     )
+
+
+@kept
+def unforced(fit: Estimates) -> Doubt | None:
+    """That equations without an input follow little of a motion, which something outside them drives."""
+    free = not fit.inputs and not fit.layout.rational and fit.options.noise == "output"
+    if not free or fit.again is None or not fit.records or not level_p(fit) < SURE:
+        return None
+    if amplified(fit) or noise_free(fit) is not None or not (part := _followed(fit)) < HALF:
+        return None
+    if any(p > ENOUGH for p in _left(fit)):
+        return None
+    y = listed(fit.outputs)
+    return Doubt(
+        f"The equations have no input, and their motion follows {part:.0f} % of {y} at most, with residuals "
+        f"{level_ratio(fit):.3g} times the noise: a force or another input that is not in them seems to act, "
+        "or a term is missing. First add what acts to the record and to the equations."
+    )
+
+
+def _followed(fit: Estimates) -> float:
+    """How many per cent the response follows of an output, at least; 0 where it leaves all bounds."""
+    try:
+        found = [of_response(rec, fit.simulate(rec)[0]) for rec in fit.records or ()]
+    except ModfunError:
+        return 0.0
+    return max(0.0, min(float(np.min(one["fit_percent"])) for one in found))
+
+
+def _left(fit: Estimates) -> Iterator[float]:
+    """Probabilities of the residuals where a constant, an offset, another spring or a term is added."""
+    records, options = fit.records or (), on_band(fit, fit.band)
+    structures = [
+        (fit.structure, "constant"),
+        *((own, fit.trend) for _, own, _ in with_offset(fit.structure)),
+    ]
+    for structure, trend in structures:
+        other = again(fit, records, structure, options.replace(trend=trend))
+        if other is not None and other.success:
+            yield level_p(other)
+    yield settled_motion(fit)
+    cure = of_written(fit)
+    if cure is not None:
+        yield cure.level_p
