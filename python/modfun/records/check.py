@@ -75,11 +75,11 @@ def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
 
 def bad_samples(record: Samples, *, codes_only: bool = False) -> Iterator[str]:
     """What makes a fit fail though only a few samples are wrong: codes, dropouts, outlying samples."""
-    moving = [name for name in (*record.outputs, *record.inputs) if np.ptp(record[name])]
-    names = [name for name in moving if _measured(record, name, _form(record, name))]
     for find in (codes_of,) if codes_only else (codes_of, dropped_samples, _outliers):
-        for name in names:
-            yield from find(record, name)
+        for name in (*record.outputs, *record.inputs):
+            found = list(find(record, name))
+            if found and np.ptp(record[name]) and _measured(record, name, _form(record, name)):
+                yield from found
 
 
 def _form(record: Samples, name: str) -> str:

@@ -52,7 +52,7 @@ from .jumps import flips, jumps
 from .known_start import gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
-from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted
+from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
 from .multiplied import multiplied
 from .offsets import mean, offset
 from .origin import LEAST_GAIN, origin, smaller_errors
@@ -244,10 +244,14 @@ def slow_noise(fit: Estimates) -> Doubt | None:
     these are wrong. Said where a fit with weights of their spectrum leaves nothing in doubt.
     """
     plain = isinstance(fit.structure, TransferFunction) and fit.options.noise == "output"
-    if not plain or fit.again is None or not fit.records or not refuted(fit) or noise_free(fit) is not None:
+    if not plain or fit.again is None or not fit.records or not suspicious(fit) or not refuted(fit):
         return None
     d = diagnose(fit, UNLIKELY)
-    if not (d.colour_ratio > SLOW and d.colour.p_value < SURE and _falls(fit)) or origin(fit) == "process":
+    if (
+        noise_free(fit)
+        or not (d.colour_ratio > SLOW and d.colour.p_value < SURE and _falls(fit))
+        or origin(fit) == "process"
+    ):
         return None
     drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"))
     if drift is None or not refuted(drift) or _structural(fit, drift):
