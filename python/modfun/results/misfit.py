@@ -125,8 +125,6 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
     if d.chi2_p < _plausible(fit) or (isnan(d.chi2_p) and seen):
         products = _of_products(fit, d)
         said += [(products, 0.0)] if products else _of_written(fit, d, sure_only)
-    if not any(doubt.sure for doubt, _ in said) and (products := _of_products(fit, d, of_hidden=True)):
-        said.append((products, 0.0))
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
     if d.correlation.p_value < UNLIKELY:
@@ -401,25 +399,20 @@ def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
     return Doubt(text), cure.before - cure.after
 
 
-def _of_products(fit: Estimates, d: Diagnosis, *, of_hidden: bool = False) -> Doubt | None:
+def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:
     """That products of a signal and a derivative have made more of the noise than estimates bear.
 
-    `of_hidden`: products that the elimination of a hidden signal has left, whatever the ratio of levels.
-    Estimates of a Lorenz system without its third state were 8 to 20 standard errors off at a ratio of 2.3.
+    Those that the elimination of a hidden signal has left are named whatever the residuals, by `eliminated`.
     """
     formulas = getattr(fit.layout, "formulas", None)  # of equations
-    if formulas is None or not d.chi2_p < SURE:
+    if formulas is None or not d.chi2_p < SURE or not d.level_ratio > AMPLIFIED:
         return None
-    if all(term.factor is None for term in formulas.compiled.terms):
+    if formulas.compiled.hidden or all(term.factor is None for term in formulas.compiled.terms):
         return None
-    hidden = ", ".join(formulas.compiled.hidden)
-    if not (hidden if of_hidden else d.level_ratio > AMPLIFIED):
-        return None
-    cure = f"measure {hidden}" if hidden else "fit the response itself, mf.rivals.output_error(model)"
     return Doubt(
         "Products of a signal and a derivative are left in the equation, which amplify noise, and the "
         f"residuals are {d.level_ratio:.3g} times {_reference(fit)}: estimates may be off by much more than "
-        f"their errors. First {cure}."
+        "their errors. First fit the response itself, mf.rivals.output_error(model)."
     )
 
 
