@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 
 import sympy
@@ -31,6 +31,41 @@ def unbiased(
     covariances : mapping from two channel symbols to the symbol of their noise's covariance
     """
     found = sympy.expand(expr) if expr.is_Add or expr.is_Mul or expr.is_Pow else expr
+    terms = sympy.Add.make_args(found)
+    far = [term for term in terms if _fractional(term, variances)]
+    return sympy.Add(
+        _exact(sympy.Add(*(term for term in terms if term not in far)), variances, covariances),
+        *(_to_second_order(term, variances, covariances) for term in far),
+    )
+
+
+def _fractional(term: sympy.Expr, channels: Iterable[sympy.Symbol]) -> bool:
+    """Whether several channels stand in a quotient: each has its own series, whose products swell."""
+    own = term.free_symbols & set(channels)
+    return len(own) > 1 and term.is_rational_function(*own) and not term.is_polynomial(*own)
+
+
+def _to_second_order(
+    term: sympy.Expr,
+    variances: Mapping[sympy.Symbol, sympy.Symbol],
+    covariances: Mapping[tuple[sympy.Symbol, sympy.Symbol], sympy.Symbol],
+) -> sympy.Expr:
+    """f + Df + D²f/2, D the operator of all variances and covariances together."""
+    second = {(one, one): variance / 2 for one, variance in variances.items()} | dict(covariances)
+    pairs = {pair: by for pair, by in second.items() if set(pair) <= term.free_symbols}
+
+    def operator(f: sympy.Expr) -> sympy.Expr:
+        return sympy.Add(*(-by * sympy.diff(f, *pair) for pair, by in pairs.items()))
+
+    first = operator(term)
+    return term + first + operator(first) / 2
+
+
+def _exact(
+    found: sympy.Expr,
+    variances: Mapping[sympy.Symbol, sympy.Symbol],
+    covariances: Mapping[tuple[sympy.Symbol, sympy.Symbol], sympy.Symbol],
+) -> sympy.Expr:
     for channel, variance in variances.items():
         if channel in found.free_symbols:
             found = sympy.Add(*(_one(term, channel, variance) for term in sympy.Add.make_args(found)))
