@@ -74,9 +74,10 @@ def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
 
 
 def bad_samples(record: Samples, *, codes_only: bool = False) -> Iterator[str]:
-    """What makes a fit fail though only a few samples are wrong: codes, dropouts, outlying samples."""
+    """What makes a fit fail though few samples are wrong: codes, dropouts, outlying samples of outputs."""
     for find in (codes_of,) if codes_only else (codes_of, dropped_samples, _outliers):
-        for name in (*record.outputs, *record.inputs):
+        # Commands move by steps that look like outlying samples.
+        for name in record.outputs if find is _outliers else (*record.outputs, *record.inputs):
             found = list(find(record, name))
             if found and np.ptp(record[name]) and _measured(record, name, _form(record, name)):
                 yield from found

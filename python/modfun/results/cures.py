@@ -25,29 +25,10 @@ from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
 __all__ = [
-    "CLOSE",
-    "DRIFT",
-    "ENOUGH",
-    "WORTH",
-    "Cure",
-    "Realigned",
-    "again",
-    "again_at_all",
-    "amplified",
-    "best_cure",
-    "bic_beside",
-    "convincing",
-    "earlier_by",
-    "furthest",
-    "integral_missing",
-    "likely_cure",
-    "of_written",
-    "on_band",
-    "otherwise",
-    "realigned",
-    "rewritten",
-    "with_drift",
-]
+    "CLOSE", "DRIFT", "ENOUGH", "WORTH", "Cure", "Realigned", "again", "again_at_all", "amplified",
+    "best_cure", "bic_beside", "convincing", "earlier_by", "furthest", "integral_missing", "likely_cure",
+    "of_written", "on_band", "otherwise", "realigned", "rewritten", "with_drift",
+]  # fmt: skip
 
 DRIFT = 'trend="linear"'  # words of that cure
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
