@@ -54,7 +54,7 @@ from .late_channels import late_channel
 from .levers import off_centre
 from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
 from .multiplied import multiplied
-from .offsets import mean, offset
+from .offsets import is_all, mean, offset
 from .origin import LEAST_GAIN, origin, smaller_errors
 from .runaway import runaway
 from .slow_inputs import slow_input
@@ -383,7 +383,6 @@ def check(fit: Estimates, line: str) -> Findings:
         first = (
             coded,
             in_degrees,
-            mean,
             stored_late,
             slow_input,
             unlike_records,
@@ -400,6 +399,7 @@ def check(fit: Estimates, line: str) -> Findings:
             eliminated,
         )
         told = [said[look] for look in first]
+        told += [said[mean]] if said[mean] and is_all(whole) else []
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)

@@ -29,7 +29,7 @@ from .doubts import FINEST, SURE, Doubt, numbers, rms
 from .estimates import Estimates
 from .neighbours import EXTRA, unused, with_offset
 
-__all__ = ["mean", "offset"]
+__all__ = ["is_all", "mean", "offset"]
 
 # Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
 OFFSET = 1000.0
@@ -165,6 +165,12 @@ def _with_constant(fit: Estimates) -> Estimates | None:
     options = on_band(fit, fit.band).replace(trend="constant")
     other = again(fit, fit.records, fit.structure, options)
     return other if other is not None and other.params.shape == fit.params.shape else None
+
+
+def is_all(fit: Estimates) -> bool:
+    """Whether a constant leaves the noise alone, so that nothing else is to be looked for."""
+    other = _with_constant(fit)
+    return other is not None and level_p(other) > ENOUGH
 
 
 def _constant(fit: Estimates, other: Estimates | None) -> str:
