@@ -75,7 +75,7 @@ def unforced(fit: Estimates) -> Doubt | None:
         return None
     if amplified(fit) or noise_free(fit) is not None or not (part := _followed(fit)) < HALF:
         return None
-    if any(p > ENOUGH for p in _left(fit)):
+    if missing_input(fit) or any(p > ENOUGH for p in _left(fit)):
         return None
     y = listed(fit.outputs)
     return Doubt(
