@@ -123,6 +123,8 @@ async def browser() -> Any:
 async def main(names: list[str]) -> int:
     written = [page for page in SITE.rglob("*.html") if "_static" not in page.parts]
     pages = [SITE / f"{name}.html" for name in names] or sorted(written)
+    if missing := [str(page) for page in pages if not page.is_file()]:
+        raise SystemExit(f"not built, or named otherwise: {', '.join(missing)}")
     wrong = 0
     async with browser() as tab:
         for width in WIDTHS:
