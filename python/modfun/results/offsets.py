@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, partial
 
 import numpy as np
 
@@ -29,7 +27,7 @@ from .doubts import FINEST, SURE, Doubt, numbers, rms
 from .estimates import Estimates
 from .neighbours import EXTRA, unused, with_offset
 
-__all__ = ["is_all", "mean", "offset"]
+__all__ = ["is_all", "mean", "offset", "with_constant"]
 
 # Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
 OFFSET = 1000.0
@@ -63,20 +61,19 @@ def mean(fit: Estimates) -> Doubt | None:
     without = fit.trend is None and any(low == 0 for low, _ in fit.lines)
     if not without or fit.df_resid < 2 or not fit.records:
         return None
-    beside = cache(partial(_with_constant, fit))  # made where it is first wanted
     if fit.layout.rational:
-        told = _bent(fit, beside) or _better(fit, beside)
-        return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit, beside())}') if told else None
+        told = _bent(fit) or _better(fit)
+        return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit)}') if told else None
     spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
     means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
     if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
         # The equation took the offset for the signal.
         return Doubt(
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
-            f"constant, and no parameter is larger than its standard error. {_constant(fit, beside())}"
+            f"constant, and no parameter is larger than its standard error. {_constant(fit)}"
         )
-    if told := _bent(fit, beside) or _settled(fit, beside) or _off_zero(fit, spread):
-        return Doubt(f"{told} {_constant(fit, beside())}")
+    if told := _bent(fit) or _settled(fit) or _off_zero(fit, spread):
+        return Doubt(f"{told} {_constant(fit)}")
     # Of several outputs, each channel in each equation takes a fit.
     one = len(fit.outputs) == 1 and not amplified(fit)
     found = _offset_of(fit, math.inf) if one and level_p(fit) < SURE else None
@@ -106,7 +103,7 @@ def _off_zero(fit: Estimates, spread: F64) -> str:
     )
 
 
-def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
+def _bent(fit: Estimates) -> str:
     """That a constant explains residuals: an offset larger than the motion bends the estimate to line 0."""
     levels = np.sqrt(np.diag(fit.noise_cov))
     if np.all(levels < AWAY * fit.high_band_levels):
@@ -117,7 +114,7 @@ def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     noise = np.fmax(AWAY * fit.high_band_levels, FINEST * spread[: levels.size])
     if not np.any(np.abs(means) > spread) or np.all(levels < noise):
         return ""
-    if (other := beside()) is None:
+    if (other := with_constant(fit)) is None:
         return ""
     left = np.sqrt(np.diag(other.noise_cov))
     ratio = float(np.prod(levels / left)) ** (1 / levels.size)
@@ -130,9 +127,9 @@ def _bent(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     )
 
 
-def _better(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
+def _better(fit: Estimates) -> str:
     """That a constant explains residuals which are far above the noise, whatever the size of the offset."""
-    if not level_p(fit) < SURE or (other := beside()) is None:
+    if not level_p(fit) < SURE or (other := with_constant(fit)) is None:
         return ""
     before, after = bic_beside(fit, fit), bic_beside(other, fit)
     if not after < before - WORTH:
@@ -143,9 +140,9 @@ def _better(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     )
 
 
-def _settled(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
+def _settled(fit: Estimates) -> str:
     """That a constant in equations leaves only the noise of residuals far above it, or a quarter of them."""
-    if not level_p(fit) < SURE or (other := beside()) is None:
+    if not level_p(fit) < SURE or (other := with_constant(fit)) is None:
         return ""
     before, after = bic_beside(fit, fit), bic_beside(other, fit)
     left = [np.sqrt(np.diag(own.noise_cov)) for own in (fit, other)]
@@ -158,7 +155,8 @@ def _settled(fit: Estimates, beside: Callable[[], Estimates | None]) -> str:
     )
 
 
-def _with_constant(fit: Estimates) -> Estimates | None:
+@kept
+def with_constant(fit: Estimates) -> Estimates | None:
     """The fit with a constant in each equation."""
     if fit.again is None or fit.records is None:
         return None
@@ -169,16 +167,17 @@ def _with_constant(fit: Estimates) -> Estimates | None:
 
 def is_all(fit: Estimates) -> bool:
     """Whether a constant leaves the noise alone, so that nothing else is to be looked for."""
-    other = _with_constant(fit)
+    other = with_constant(fit)
     return other is not None and level_p(other) > ENOUGH
 
 
-def _constant(fit: Estimates, other: Estimates | None) -> str:
+def _constant(fit: Estimates) -> str:
     """The first cure of an offset: of the channel, where that explains more than a constant."""
+    other = with_constant(fit)
     found = _offset_of(fit, math.inf if other is None else bic_beside(other, fit))
     if found is not None:
         return found.words
-    return f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit, other)}'
+    return f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit)}'
 
 
 @dataclass(frozen=True)
@@ -218,8 +217,9 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
     return found
 
 
-def _both_ways(fit: Estimates, other: Estimates | None) -> str:
+def _both_ways(fit: Estimates) -> str:
     """The parameter that a constant changes most, without and with it."""
+    other = with_constant(fit)
     if other is None or not fit.params.size:
         return ""
     name, was, now, _ = furthest(fit, other)

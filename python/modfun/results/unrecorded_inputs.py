@@ -19,6 +19,7 @@ from .free_motion import settled_motion
 from .held_numbers import contradicted_numbers
 from .linear_lines import equation_lines
 from .neighbours import with_offset
+from .offsets import with_constant
 from .scores import of_response
 from .unnamed_inputs import missing_input
 
@@ -96,13 +97,9 @@ def _followed(fit: Estimates) -> float:
 
 def _left(fit: Estimates) -> Iterator[float]:
     """Probabilities of the residuals where a constant, an offset, another spring or a term is added."""
-    records, options = fit.records or (), on_band(fit, fit.band)
-    structures = [
-        (fit.structure, "constant"),
-        *((own, fit.trend) for _, own, _ in with_offset(fit.structure)),
-    ]
-    for structure, trend in structures:
-        other = again(fit, records, structure, options.replace(trend=trend))
+    options = on_band(fit, fit.band)
+    offsets = (again(fit, fit.records, own, options) for _, own, _ in with_offset(fit.structure))
+    for other in (with_constant(fit), *offsets):
         if other is not None and other.success:
             yield level_p(other)
     yield settled_motion(fit)

@@ -31,10 +31,11 @@ def unbiased(
     covariances : mapping from two channel symbols to the symbol of their noise's covariance
     """
     found = sympy.expand(expr) if expr.is_Add or expr.is_Mul or expr.is_Pow else expr
-    terms = sympy.Add.make_args(found)
-    far = [term for term in terms if _fractional(term, variances)]
+    near, far = list[sympy.Expr](), list[sympy.Expr]()
+    for term in sympy.Add.make_args(found):
+        (far if _fractional(term, variances) else near).append(term)
     return sympy.Add(
-        _exact(sympy.Add(*(term for term in terms if term not in far)), variances, covariances),
+        _exact(sympy.Add(*near), variances, covariances),
         *(_to_second_order(term, variances, covariances) for term in far),
     )
 
