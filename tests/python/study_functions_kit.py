@@ -48,6 +48,11 @@ def white(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
     return mf._core.normals(3, "noise_y", 0, replicate, 0, y.size)
 
 
+def twice(rng: np.random.Generator, y: np.ndarray, dt: float) -> np.ndarray:
+    """Noise of twice the standard deviation that it should have."""
+    return 2 * rng.standard_normal(y.size)
+
+
 def by_hand(cell: dict[str, Any], rng: np.random.Generator) -> mf.Record:
     """The records of the built-in study of seed 3 at the cell's noise level."""
     return mf.Record(

@@ -237,9 +237,11 @@ class Figures(Elsewhere):
         found: dict[str, None] = {}
         for g in self._plan.groups:
             if isinstance(g, Group) and g.noise_sd != 1:
+                kinds = self._plan.axes[-2]
+                own = f"={kinds.labels[g.index % len(kinds.labels)]!r}" if kinds.given else "="
                 found[
-                    f"The noise that noise= returns has the standard deviation {g.noise_sd:.3g} where nsr "
-                    f"counts on 1, so that each nsr is {g.noise_sd:.3g} times as large as its label."
+                    f"The noise that noise{own} returns has the standard deviation {g.noise_sd:.3g} where "
+                    f"nsr counts on 1, so that each nsr is {g.noise_sd:.3g} times as large as its label."
                 ] = None
             if isinstance(g, Group):
                 found |= dict.fromkeys((*g.rest.read, *g.rest.jumps))

@@ -32,12 +32,14 @@ SURELY, FAR = 6.0, 0.05  # Student's t with 19 degrees of freedom is beyond 6 on
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """System, input and initial state of some cells, which share their noise.
+    """System, input, initial state and kind of noise of some cells.
 
     Attributes
     ----------
     index : int
-        Address of the noise.
+        Place among the groups.
+    address : int
+        Of random numbers: that of system, input and initial state, which kinds of noise share.
     system : LTI or NonlinearModel
     rest : Experiment
         Response from rest and what noise and random states are scaled by.
@@ -61,6 +63,7 @@ class Group:
     """
 
     index: int
+    address: int
     system: LTI | NonlinearModel
     rest: Experiment
     y: F64
@@ -137,11 +140,11 @@ class Group:
     def begin(self, seed: int, replicate: int) -> F64:
         """State at t = 0 of a replicate; `Failed` as `records`."""
         if self.state is not None:
-            rng = generator("initial_state", seed, replicate, self.index)
+            rng = generator("initial_state", seed, replicate, self.address)
             drawn = attempt("initial_state", self.state, rng)
             return series(drawn, "initial_state", self.rest.state_rms.shape, "the states at t = 0")
         if self.drawn or len(self.free):
-            z = normals(seed, "initial_state", 0, replicate, self.index, self.rest.state_rms.size)
+            z = normals(seed, "initial_state", 0, replicate, self.address, self.rest.state_rms.size)
             return np.asarray(z * self.rest.state_rms)
         return self.start
 
@@ -150,7 +153,7 @@ class Group:
         if self.state is not None or self.drawn:
             return np.asarray(attempt("response", self.rest.response, self.begin(seed, replicate)))
         if len(self.free):
-            z = normals(seed, "initial_state", 0, replicate, self.index, len(self.free))
+            z = normals(seed, "initial_state", 0, replicate, self.address, len(self.free))
             return np.asarray(self.y + np.tensordot(z, self.free, 1))
         return self.y
 
@@ -164,19 +167,19 @@ class Group:
         """
         y = self.clean(seed, replicate)
         if self.driven is not None:
-            y = y + self.driven.response(seed, replicate, self.index)
+            y = y + self.driven.response(seed, replicate, self.address)
         if self.noise is not None:
             noise = self._drawn(seed, replicate, y)
         else:
             noise = np.array(
-                [normals(seed, "noise_y", k, replicate, self.index, y.shape[1]) for k in range(len(y))]
+                [normals(seed, "noise_y", k, replicate, self.address, y.shape[1]) for k in range(len(y))]
             )
         return [self.record(y + s * self.unit[:, None] * noise) for s in sigma]
 
     def _drawn(self, seed: int, replicate: int, y: F64) -> F64:
         """Noise by the user's function; `Failed` where it failed."""
         assert self.noise is not None
-        rng = generator("noise", seed, replicate, self.index)
+        rng = generator("noise", seed, replicate, self.address)
         given = y[0].copy() if len(y) == 1 else y.copy()
         drawn = attempt("noise", self.noise, rng, given, self.rest.dt)
         return series(drawn, "noise", given.shape, "noise of unit standard deviation for each sample")
@@ -236,14 +239,14 @@ def groups(
     inputs: Sequence[Any],
     states: Sequence[Any],
     nsr: Axis,
-    noise: Callable[..., Any] | None,
+    noises: Sequence[Callable[..., Any] | None],
     process_noise: Any,
     *,
     duration: float | None,
     intervals: int | None,
     intersample: str | Sequence[str] | None,
 ) -> tuple[Group, ...]:
-    """Simulate every combination of system, input and initial state, each once."""
+    """Simulate every combination of system, input and initial state, each once for all kinds of noise."""
     found: list[Group] = []
     unmoved = not isinstance(process_noise, ProcessNoise) and not np.any(np.asarray(process_noise))
     for system in systems:
@@ -277,22 +280,21 @@ def groups(
                     added = driven(whole, process_noise, rest.dt, rest.y.shape[1] - 1, "MonteCarlo")
                 fixed, free = _state("zero" if callable(state) else state, rest)
                 drawn = not linear and isinstance(state, str) and state == "random"
-                found.append(
-                    Group(
-                        index=len(found),
-                        system=system,
-                        rest=rest if drawn or callable(state) else replace(rest, inputs=()),
-                        intersample=rest.kinds,
-                        start=fixed,
-                        free=free,
-                        y=np.ascontiguousarray(rest.response(fixed) if linear else rest.y),
-                        state=state if callable(state) else None,
-                        noise=noise,
-                        drawn=drawn,
-                        driven=added,
-                        process_noise=process_noise,
-                    )
+                group = Group(
+                    index=0,
+                    address=len(found) // len(noises),
+                    system=system,
+                    rest=rest if drawn or callable(state) else replace(rest, inputs=()),
+                    intersample=rest.kinds,
+                    start=fixed,
+                    free=free,
+                    y=np.ascontiguousarray(rest.response(fixed) if linear else rest.y),
+                    state=state if callable(state) else None,
+                    drawn=drawn,
+                    driven=added,
+                    process_noise=process_noise,
                 )
+                found += [replace(group, index=len(found) + k, noise=one) for k, one in enumerate(noises)]
     return tuple(found)
 
 

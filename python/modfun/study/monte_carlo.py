@@ -6,7 +6,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypedDict, Unpack, overload
+from typing import Any, TypedDict, Unpack, cast, overload
 
 import numpy as np
 
@@ -72,7 +72,7 @@ class MonteCarlo:
     nsr : float or list of float, default 0
         Standard deviation of the noise over the root mean square of the noise-free response from rest; of
         equations, which need not rest at zero, the response from an `initial_state` given in numbers.
-    noise : "white" or callable
+    noise : "white", callable, or dict of name to these
         What the noise is. ``noise(rng, y, dt)`` returns noise of unit standard deviation for each sample of
         the noise-free output y, shape (time,); it is multiplied by nsr and the root mean square of the
         response from rest, not scaled otherwise, and serves all noise levels.
@@ -364,25 +364,33 @@ def _simulated(
         if np.ndim(value):
             raise SpecError(
                 f"MonteCarlo: {name}={value!r} must be one number; a study varies system, input, "
-                f"initial_state and nsr, so make one for each {name}"
+                f"initial_state, noise and nsr, so make one for each {name}"
             )
-    if not (noise is None or (isinstance(noise, str) and noise == "white") or callable(noise)):
-        raise SpecError(
-            f"MonteCarlo: noise={noise!r} is not available; use 'white', or a function of (rng, y, dt) that "
-            "returns noise of unit standard deviation for each sample of y"
-        )
     (systems, of_system), (inputs, of_input), (states, of_state) = (
         axis("system", system), axis("input", input),
         axis("initial_state", "zero" if initial_state is None else initial_state),
     )  # fmt: skip
+    noises, of_noise = axis("noise", "white" if noise is None else noise)
     nsrs = levels(0.0 if nsr is None else nsr)
     of_system = tuple(linear(one, "MonteCarlo") for one in of_system)
     found = groups(
-        of_system, of_input, of_state, nsrs, noise if callable(noise) else None,
+        of_system, of_input, of_state, nsrs, [_noise(one) for one in of_noise],
         0.0 if process_noise is None else process_noise,
         duration=duration, intervals=intervals, intersample=intersample,
     )  # fmt: skip
-    return (systems, inputs, states, nsrs), found
+    return (systems, inputs, states, noises, nsrs), found
+
+
+def _noise(given: Any) -> Callable[..., Any] | None:
+    """A function of the user, or None where noise is white."""
+    if isinstance(given, str) and given == "white":
+        return None
+    if not callable(given):
+        raise SpecError(
+            f"MonteCarlo: noise={given!r} is not available; use 'white', a function of (rng, y, dt) that "
+            "returns noise of unit standard deviation for each sample of y, or a dict of name to these"
+        )
+    return cast("Callable[..., Any]", given)
 
 
 def _driven(system: Any) -> bool:

@@ -31,7 +31,7 @@ class Plan:
     Attributes
     ----------
     axes : tuple of Axis
-        System, input and initial state, or the axes of the user's grid; the last one is nsr.
+        System, input, initial state and kind of noise, or the axes of the user's grid; the last one is nsr.
     groups : tuple of Group or Generated
     contenders : tuple of Contender
     metrics : tuple of (str, callable)

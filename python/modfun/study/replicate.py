@@ -29,7 +29,7 @@ def replicate(
         raise SpecError(f"replicate: {number!r} is not a number of a replicate; give 0 to {replicates - 1}")
     if not 0 <= number < replicates:
         raise SpecError(f"replicate: {number} is outside of 0 to {replicates - 1}")
-    known = [a.name for a in plan.axes]
+    known = [a.name for a in plan.axes if a.labels != ("",)]
     for name in cell:
         if name not in known:
             raise SpecError(f"replicate: there is no axis {name!r}; {nearest(name, known)}")

@@ -27,10 +27,10 @@ class Results(Figures):
     """Figures of a study; arrays are (cell…, estimator, parameter), `*_mcse` the Monte Carlo error.
 
     The axes of the cells are those given as a dict or a list, in the order system, input, initial_state,
-    nsr; `axes` names them all. Estimates that were found (status "ok", or "maxiter": the iteration did not
-    settle) enter the figures, the others are counted in `failures`. A few that did not settle may make most
-    of a spread; tables that have any count them in a column `maxiter`. A standard error that the replicates
-    are too few to tell is nan.
+    noise, nsr; `axes` names them all. Estimates that were found (status "ok", or "maxiter": the iteration did
+    not settle) enter the figures, the others are counted in `failures`. A few that did not settle may make
+    most of a spread; tables that have any count them in a column `maxiter`. A standard error that the
+    replicates are too few to tell is nan.
 
     Attributes
     ----------

@@ -76,6 +76,27 @@ def test_the_builtin_study_written_by_hand_has_its_numbers() -> None:
     assert np.isfinite(built.crlb).all()
 
 
+def test_kinds_of_noise_are_an_axis_and_share_their_random_numbers() -> None:
+    start = {"initial_state": "random"}
+    both = simulated(noise={"white": "white", "own": kit.white, "twice": kit.twice}, **start)
+    res = both.run(progress=False)
+    alone = simulated(noise=kit.white, **start).run(progress=False)
+    assert list(res.axes) == ["noise", "nsr", "estimator", "parameter"]
+    assert res.sd.shape == (3, 2, 2, 3)
+    for name in ("bias", "sd", "rmse"):
+        figures = getattr(res, name)
+        np.testing.assert_array_equal(figures[1], getattr(alone, name))
+        np.testing.assert_allclose(figures[0], figures[1], rtol=1e-8, atol=1e-11)
+    assert np.isfinite(res.crlb[0]).all()
+    assert np.isnan(res.crlb[1:]).all()
+    assert [note for note in res.notes if "noise='twice' returns has the standard deviation" in note]
+    np.testing.assert_array_equal(res.sel(noise="own").sd, res.sd[1:2])
+    record, _ = res.replicate(3, noise="own", nsr=0.3)
+    np.testing.assert_allclose(record.y, res.replicate(3, noise="white", nsr=0.3)[0].y, rtol=1e-12)
+    with pytest.raises(mf.SpecError, match="noise='pink' is not available; use 'white', a function"):
+        simulated(noise={"white": "white", "red": "pink"})
+
+
 def test_metrics_change_no_other_figure() -> None:
     plain = simulated().run(keep="samples", draw="samples", progress=False)
     res = simulated(metrics={"gain": kit.gain, "peak": kit.peak}).run(keep="samples", progress=False)
