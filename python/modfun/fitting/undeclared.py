@@ -52,6 +52,7 @@ FEW = 4  # records that are asked where each of many is fitted by itself
 # evidence that an input was not held is said, and so is that a motion may be held where that makes other
 # estimates.
 STRONG, VERY_STRONG = 6.0, 10.0
+LONG, MANY = 2.0, 0.1  # median steps, and how many are longer where times are those of no clock
 FAR = 3.0  # standard errors between estimates of both readings: these are others
 SAID = {
     BY_FIT: "which the fit prefers",
@@ -204,6 +205,7 @@ def _asked(
     for which, (look, word) in looks.items():
         held, doubtful = look == "zoh", look in DOUBTFUL or which in computed
         motion = not (held or doubtful or loop) and options.method == "ml"  # others have no likelihood
+        motion = motion and all(_ticks(rec) for records in each for rec in records)
         if not (held or doubtful or loop or motion):
             continue
         if not fits or which.name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
@@ -241,6 +243,17 @@ def _asked(
         elif gain > -STRONG and motion and _apart(fits, others):
             found[which] = Word(word, OPEN)
     return found, fits
+
+
+def _ticks(rec: Record) -> bool:
+    """Whether a clock makes the times, late and with gaps at worst: only such a one holds what it commands.
+
+    Sums over samples at any times have errors, and a motion that is read as held has none.
+    """
+    if rec.dt is not None:
+        return True
+    steps = np.diff(rec.t)
+    return bool(np.mean(steps > LONG * np.median(steps)) < MANY)
 
 
 def _computed(problems: Sequence[Sequence[Record]], which: Which, look: str) -> bool:
