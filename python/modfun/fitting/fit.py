@@ -145,7 +145,8 @@ def fit(
         Numbers: y, y', … of the free response at the first sample, as `Fit.initial_state` has them, beside
         the response that begins at zero. The transient then follows from the parameters, or there is none,
         which makes standard errors on steps and short records up to five times smaller. A fit warns where
-        the record contradicts it. Not with a drift. "periodic" is for transfer functions of one output in
+        the record contradicts it, or where the output of a transfer function drifts: ``trend="linear"`` is
+        beside "rest" and "zero" a drift of transfer functions from the first sample on. "periodic" is for transfer functions of one output in
         white noise, numbers for these, a `StateSpace` (in the order of its states) and a linear `Equation`
         (y, y', … of each output, then of hidden signals, `NonlinearModel.states`); others begin at "rest" or
         "zero". Equations, state spaces, masks and ``Record(sigma=)`` have samples of the state before the

@@ -50,6 +50,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     both. Under "zero" the outputs' level is 0. Under "rest", or beside a constant in each equation, it is
     unknown: a nuisance with the lowest −2 log likelihood, whose covariance, twice the inverse of the second
     derivatives there, widens that of the parameters that follow it. Equations without a constant hold at it.
+    A drift of the outputs of transfer functions begins at the first sample; its slope is a nuisance, too.
 
     Raises
     ------
@@ -88,7 +89,10 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
 
 
 class _Search:
-    """Fits under levels (record, output) of the outputs before the first sample."""
+    """Fits under levels of the outputs before the first sample and, maybe, drifts: (record, output, 1 or 2).
+
+    A drift begins at the first sample and is what it comes to over the whole record.
+    """
 
     def __init__(self, records: tuple[Record, ...], structure: Any, options: Options, fit_once: Fits) -> None:
         self.records, self.structure, self.fit_once = records, structure, fit_once
@@ -98,14 +102,20 @@ class _Search:
         self.several = learnt and len(records) * len(records[0].outputs) > 1
         self.late = _longest_delay(structure, records[0], options)
         more = {} if options.harmonics is None else {"harmonics": round(options.harmonics * (1 + PART))}
-        self.inner = options.replace(initial_state="unknown", **more)
-        self.levels = np.zeros((len(records), len(records[0].outputs)))
+        drift = _trend(structure, options) == "linear"
+        own = "constant" if drift else options.trend
+        self.inner = options.replace(initial_state="unknown", trend=own, **more)
+        self.levels = np.zeros((len(records), len(records[0].outputs), 2 if drift else 1))
         self.moved: Any = 0.0  # what the operating point adds to the parameters
         self.point: OperatingPoint | None = None
         if self.free:
             if not isinstance(structure, TransferFunction) and _trend(structure, options) is None:
                 self.point = OperatingPoint.of(records, structure)
-            self.levels[:] = [_first_level(rec, _past_inputs(rec, self.rest)) for rec in records]
+            self.levels[..., 0] = [_first_level(rec, _past_inputs(rec, self.rest)) for rec in records]
+            if drift:
+                self.levels[..., 1] = _first_drifts(
+                    fit_once(records, structure, self.inner.replace(trend="linear"))
+                )
 
     def fit(self, levels: F64) -> Any:
         """The fit under these levels."""
@@ -148,7 +158,7 @@ class _Search:
             if not fit.usable:
                 return fit, {}
         rows = fit.df_resid + fit.params.size
-        steps = STEP * fit.noise_levels.ravel()
+        steps = STEP * np.broadcast_to(fit.noise_levels[..., None], self.levels.shape).ravel()
         for _ in range(ROUNDS):
             sides, slopes, gradient, curvature = self._differences(fit, steps, rows)
             found = all(one.usable for one in sides) and np.isfinite(curvature).all()
@@ -217,17 +227,21 @@ class _Search:
 
 
 def extended(rec: Record, levels: F64, rest: bool, late: float) -> Record:
-    """A record with its past before it: outputs at `levels`, inputs at their first values or at zero."""
+    """A record with its past before it: outputs at `levels`, inputs at their first values or at zero.
+
+    Behind the level of an output may be its drift over the record, which is taken away.
+    """
     step = float(np.median(np.diff(rec.t))) if rec.dt is None else rec.dt
     count = max(ceil(PART * rec.intervals), FEWEST) + ceil(late / step - 1e-9)
     sigma = np.ones_like(rec.y) if rec.sigma is None else rec.sigma
     usual = CERTAIN * np.median(sigma, axis=1, keepdims=True)
+    drift = levels[:, 1:] * ((rec.t - rec.t[0]) / rec.duration) if levels.shape[1] > 1 else 0.0
 
     def before(past: Any, samples: Any) -> Any:
         return np.hstack([np.repeat(past, count, axis=1), samples])
 
     return rec._like(
-        y=before(levels[:, None], rec.y),
+        y=before(levels[:, :1], rec.y - drift),
         u=before(_past_inputs(rec, rest), rec.u),
         t=np.concatenate([rec.t[0] - step * np.arange(count, 0, -1), rec.t]),
         sigma=before(usual, sigma),
@@ -268,6 +282,13 @@ def _first_level(rec: Record, past: F64) -> F64:
             for y, own in zip(rec.y, good, strict=True)
         ]
     )
+
+
+def _first_drifts(fit: Any) -> Any:
+    """Drifts of the outputs of each record by a fit from any start; 0 where there is none."""
+    if not fit.usable:
+        return 0.0
+    return [fit.simulate(rec)[1].trend.reshape(len(rec.y), -1)[:, 1] for rec in fit.records]
 
 
 def _trend(structure: Any, options: Options) -> str | None:
@@ -317,8 +338,8 @@ def _refuse_kind(structure: Any, options: Options) -> None:
             f'{told} goes with noise of the outputs, noise="output" or mf.Noise(y=...), by "ml" or "awls"; '
             'leave the other option out, or take initial_state="unknown"'
         )
-    if _trend(structure, options) == "linear":
+    if _trend(structure, options) == "linear" and not isinstance(structure, TransferFunction):
         raise SpecError(
-            f'{told}: a drift, trend="linear", has no beginning, so nothing rests before it; take '
-            'trend="constant"'
+            f'{told}: a drift in equations, trend="linear", has no beginning, so nothing rests before it; '
+            'take trend="constant"'
         )

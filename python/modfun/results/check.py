@@ -11,9 +11,10 @@ from .._core import pooled_power
 from ..base.cached import kept
 from ..base.tables import Findings
 from ..models.transfer_function import TransferFunction
+from ..records.steady import QUIET, standing
 from .band_end import beyond
 from .coloured_load import coloured_load
-from .cures import DRIFT, ENOUGH, again, best_cure, convincing
+from .cures import DRIFT, ENOUGH, again, best_cure, convincing, furthest
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
 from .diagnosis import diagnose, growth
@@ -49,7 +50,8 @@ from .free_motion import bent
 from .held_numbers import contradicted_numbers
 from .hidden_units import in_other_units
 from .jumps import flips, jumps
-from .known_start import gain_of_start, off_zero
+from .known_drift import drifting
+from .known_start import contradicted_p, gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
@@ -94,7 +96,7 @@ def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state
     if isinstance(start, str) and start == "unknown":
-        return _lost(fit) or _driven(fit) or fit.message
+        return _lost(fit) or _from_rest(fit) or _driven(fit) or fit.message
     ends = ""
     if fit.again is not None and fit.records:
         free = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
@@ -103,6 +105,20 @@ def _message(fit: Estimates) -> str:
         ends = ", with which the search ends"
     said = repr(start) if isinstance(start, str) else "..."
     return f'First try initial_state="unknown"{ends}: the record may not begin as {said} says. {fit.message}'
+
+
+def _from_rest(fit: Estimates) -> str:
+    """That the search ends from rest, where inputs begin steady; one step tells little else of the gain."""
+    plain = fit.layout.rational and fit.options.noise == "output" and fit.again is not None
+    if not (plain and fit.records and fit.inputs and all(standing(rec) >= QUIET for rec in fit.records)):
+        return ""
+    other = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="rest"))
+    if other is None or not other.success or contradicted_p(other) < ENOUGH:
+        return ""
+    return (
+        f'{fit.message} First try initial_state="rest", with which the search ends: the inputs begin steady, '
+        "and the outputs agree with a start at rest."
+    )
 
 
 def _driven(fit: Estimates) -> str:
@@ -333,6 +349,21 @@ def not_from_zero(fit: Estimates) -> Doubt | None:
     )
 
 
+def drifts(fit: Estimates) -> Doubt | None:
+    """That an output drifts beside its response: a known state leaves the constant nothing to hide it in."""
+    found = drifting(fit)
+    if found is None:
+        return None
+    other, fall = found
+    name, was, now, _ = furthest(fit, other)
+    return Doubt(
+        "The outputs drift beside their response, which a fit from a known start takes for gain. First try "
+        f"{DRIFT} beside initial_state={fit.options.initial_state!r}: BIC of the samples falls by "
+        f"{fall:.3g}, and {name} becomes {now} (was {was}).",
+        sure=True,
+    )
+
+
 def misbegun(fit: Estimates) -> Doubt | None:
     """That records begin otherwise than they were said to, if not by an operating point."""
     return None if off_zero(fit) else contradicted(fit)
@@ -341,10 +372,11 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     coded, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated, sparse,
-    not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, misbegun, unexpected,
-    stored_late, stands_still, slow_input, in_two_units, off_centre, in_other_units, contradicted_numbers,
-    missing_input, unrecorded_input, late_channel, bent, swapped, fed_back, coloured_load, eliminated,
-    unexplained, one_cause, flips, unsettled, unstable, condition, uncertain_poles, wandering, twin,
+    not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, drifts, misbegun,
+    unexpected, stored_late, stands_still, slow_input, in_two_units, off_centre, in_other_units,
+    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped, fed_back,
+    coloured_load, eliminated, unexplained, one_cause, flips, unsettled, unstable, condition,
+    uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 

@@ -10,8 +10,9 @@ import numpy as np
 from ..models.free import Free
 from ..records.periods import periods
 from ..records.steady import QUIET, standing
-from .cures import again, amplified, on_band, rewritten
+from .cures import DRIFT, again, amplified, on_band, rewritten
 from .diagnosis import growth
+from .known_drift import drifting
 
 if TYPE_CHECKING:
     from .estimates import Estimates
@@ -108,6 +109,9 @@ def gain_of_start(fit: Estimates) -> str | None:
     other = again(fit, fit.records, _near(fit), options)
     if other is None:
         return None
+    beside, drift = "", drifting(other)
+    if drift is not None:
+        other, beside = drift[0], f", {DRIFT}"
     p = contradicted_p(other)
     if not (other.success and p > AGREES):
         return None
@@ -117,8 +121,8 @@ def gain_of_start(fit: Estimates) -> str | None:
     if not np.max(gains, initial=0.0) >= LEAST_GAIN:
         return None
     return (
-        f'{seen} (p = {p:.2g}): initial_state="{told}" makes the standard errors {np.min(gains):.2g} to '
-        f"{np.max(gains):.2g} times smaller."
+        f'{seen} (p = {p:.2g}): initial_state="{told}"{beside} makes the standard errors '
+        f"{np.min(gains):.2g} to {np.max(gains):.2g} times smaller."
     )
 
 

@@ -6,6 +6,7 @@ import warnings
 from pathlib import Path
 from typing import Any
 
+import heater
 import modfun as mf
 import numpy as np
 import pytest
@@ -356,3 +357,26 @@ def test_a_constant_is_named_where_one_is_missing_alone() -> None:
         moved = noisy(clean, sigma, seed)
         with pytest.warns(mf.errors.ModfunWarning, match="channels have an offset"):
             mf.fit(moved.assign(y=moved["y"] + 4 * sigma), model, initial_state="rest")
+
+
+@pytest.mark.parametrize(("noise", "drift"), [(1e-5, 0.1), (0.02, 0.0), (0.02, 0.04), (0.05, 3.0)])
+def test_a_drift_beside_a_start_at_rest_is_none_of_the_gain(noise: float, drift: float) -> None:
+    """Without it the gain was 8 standard errors off at 4 %. All of 20 are within 4 with 99.8 %."""
+    gains = []
+    for seed in range(20):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore" if noise < 1e-4 else "error")
+            fit = mf.fit(
+                heater.heated(noise, drift, seed), heater.MODEL, initial_state="rest", trend="linear"
+            )
+        assert fit.success
+        gain = fit.derived(K="b0/a1")
+        gains.append((gain.rows[0]["value"] - 2.0) / gain.rows[0]["bse"])
+    assert np.max(np.abs(gains)) < 4
+    assert 0.4 < np.std(gains) < 1.6
+    np.testing.assert_allclose(fit.simulate(fit.records[0])[1].trend[1], 20 * drift, atol=30 * noise)
+
+
+def test_equations_know_no_drift_beside_a_known_start() -> None:
+    with pytest.raises(mf.SpecError, match="a drift in equations"):
+        mf.fit(duffing(), DUFFING, initial_state="rest", trend="linear")

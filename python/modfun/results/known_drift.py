@@ -1,0 +1,72 @@
+"""A drift in records that begin in a known state, which a constant trend leaves in the gains."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..base.arrays import F64
+from ..records.mask import sample_weights
+from ..records.record import Record
+from .cures import WORTH, again, on_band
+from .diagnosis import growth
+from .estimates import Estimates
+
+__all__ = ["drifting"]
+
+PART = 0.3  # of a standard error: steps of differences
+PAST = 4  # samples from which the noise of the next is foretold
+
+
+def drifting(fit: Estimates) -> tuple[Estimates, float] | None:
+    """The fit with a drift and by how much BIC falls, where the start is known and the samples want one."""
+    told = fit.options.initial_state
+    known = isinstance(told, str) and told in ("rest", "zero")
+    if not (known and fit.layout.rational and fit.trend == "constant" and fit.again and fit.records):
+        return None
+    if growth(fit) > 0:  # whose response may overflow
+        return None
+    fall = max(_fall(fit, rec) for rec in fit.records)
+    if not fall > WORTH:
+        return None
+    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
+    return (other, fall) if other is not None and other.success else None
+
+
+def _fall(fit: Any, rec: Record) -> float:
+    """By how much a drift of an output lowers BIC of its samples, beside all that the parameters can do.
+
+    The noise of a sample follows from that of those before it, so that slow noise is no drift.
+    """
+    from scipy.signal import lfilter
+
+    weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)
+    here = fit.simulate(rec)[0]
+    slopes = []
+    for k, step in enumerate(PART * Estimates.cov_params(fit).diagonal() ** 0.5):
+        if step > 0:
+            params = fit.params.copy()
+            params[k] += step
+            slopes.append((replace(fit, params=params).simulate(rec)[0] - here) / step)
+    ramp = (rec.t - rec.t[0]) / rec.duration
+    falls = [0.0]
+    for i, weight in enumerate(weights):
+        rows = np.array([rec.y[i] - here[i], *(own[i] for own in slopes), np.ones_like(ramp), ramp]) * weight
+        noise = rows[0] - _fitted(rows[1:], rows[0])
+        before = np.array([noise[PAST - k : noise.size - k] for k in range(1, PAST + 1)])
+        told = np.linalg.lstsq(before.T, noise[PAST:], rcond=None)[0]
+        white = lfilter([1.0, *-told], [1.0], rows, axis=1)[:, PAST:]
+        squares = [
+            np.sum((white[0] - _fitted(columns, white[0])) ** 2) for columns in (white[1:-1], white[1:])
+        ]
+        count = white.shape[1]
+        falls.append(float(count * np.log(squares[0] / squares[1]) - np.log(count)))
+    return max(falls)
+
+
+def _fitted(columns: F64, values: F64) -> F64:
+    sizes = np.linalg.norm(columns, axis=1)  # those of parameters of other outputs are 0
+    basis, _ = np.linalg.qr(columns[sizes > 0].T / sizes[sizes > 0])
+    return np.asarray(basis @ (basis.T @ values))
