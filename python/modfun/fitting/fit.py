@@ -146,11 +146,12 @@ def fit(
         the response that begins at zero. The transient then follows from the parameters, or there is none,
         which makes standard errors on steps and short records up to five times smaller. A fit warns where
         the record contradicts it, or where the output of a transfer function drifts: ``trend="linear"`` is
-        beside "rest" and "zero" a drift of transfer functions from the first sample on. "periodic" is for transfer functions of one output in
-        white noise, numbers for these, a `StateSpace` (in the order of its states) and a linear `Equation`
-        (y, y', … of each output, then of hidden signals, `NonlinearModel.states`); others begin at "rest" or
-        "zero". Equations, state spaces, masks and ``Record(sigma=)`` have samples of the state before the
-        first one put there (`Fit.with_past`), by "ml" or "awls" in noise of the outputs.
+        beside "rest" and "zero" a drift of transfer functions from the first sample on. "periodic" is for
+        transfer functions of one output in white noise, numbers for these, a `StateSpace` (in the order of
+        its states) and a linear `Equation` (y, y', … of each output, then of hidden signals,
+        `NonlinearModel.states`); others begin at "rest" or "zero". Equations, state spaces, masks,
+        ``Record(sigma=)`` and drifts have samples of the state before the first one put there
+        (`Fit.with_past`), by "ml" or "awls" in noise of the outputs.
     robust : bool, default False
         Whether samples are weighted by Student's t distribution, for spikes and heavy tails: its degrees of
         freedom (`Fit.tail`) and scale are estimated with the parameters, and the records of the fit hold the
