@@ -109,6 +109,8 @@ def _open_iddata(fields: Fields, experiment: int, label: str) -> Columns:
             raise DataError(f"{label}: neither Ts nor SamplingInstants says when the samples were taken")
         clock = next(name for name in ("t", "time", "SamplingInstants") if name not in arrays)
         arrays = {clock: times * scale, **arrays}
+    elif "t" not in arrays and np.shape(fields.get("t", 0.0)) == y.shape[1:]:  # a workspace of t, y, u and Ts
+        clock, arrays = "t", {"t": fields["t"] * scale, **arrays}
     forms = _texts(_field(fields, "InterSample"))[experiment * len(u) :][: len(u)]  # (input, experiment)
     return from_arrays(
         arrays,

@@ -42,7 +42,8 @@ def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[st
         function = _function(name, given, fit.param_names)
         value, gradient = _gradient(name, function, fit)
         values.append(value)
-        errors.append(float(root(gradient @ fit.cov_params() @ gradient)))
+        bound = any(gradient[fit.param_names.index(own)] != 0 for own in fit.at_bound)  # its error is unknown
+        errors.append(np.nan if bound else float(root(gradient @ fit.cov_params() @ gradient)))
     low, high = fit.interval(np.array(values), np.array(errors))
     return Table({"name": list(expressions), "value": values, "bse": errors, "low": low, "high": high})
 

@@ -59,6 +59,9 @@ pub(crate) struct Choice {
     pub theta: Option<Vec<f64>>,
 }
 
+/// Real equations that are left for the noise: with one, intervals of 95 % held the truth in 79 to 88 %.
+const OF_NOISE: usize = 3;
+
 /// Steps that a way to the right minimum takes at most, unless noise is large: a longer one may lead astray.
 pub(crate) const MANY: u32 = 10;
 
@@ -78,7 +81,8 @@ pub(crate) fn narrow_lines(unknowns: usize, order: usize) -> usize {
 /// samples keep.
 ///
 /// `ls` and `wls` have no business with lines where noise rules: M = 3# (report, eq. 20). Few samples that become
-/// rarer, as of blood, keep as many lines as there are unknowns and end conditions, with two real equations a line.
+/// rarer, as of blood, keep as many lines as there are unknowns and end conditions, with two real equations a line. Of
+/// few even samples so many lines are taken that the noise has a few equations, at three samples a period or more.
 pub(crate) fn default_lines(
     method: Method,
     unknowns: usize,
@@ -92,6 +96,7 @@ pub(crate) fn default_lines(
     if intervals < all {
         wide = wide.max((unknowns + order).min(all / 4));
     }
+    wide = wide.max((unknowns + order + OF_NOISE).div_ceil(2).min(intervals / 3));
     match method {
         Method::Ls | Method::Wls => {
             let only = narrow.min(wide.max(intervals / 2));
@@ -143,6 +148,13 @@ pub(crate) fn fewest_lines(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn few_samples_leave_the_noise_some_equations() {
+        // Three parameters and a constant, two poles: 10 equations at least, at three samples a period.
+        let wide = |n| default_lines(Method::Ml, 4, 2, (n, n), 0).0;
+        assert_eq!([10, 12, 14, 16, 20, 24, 256].map(wide), [3, 4, 4, 5, 5, 6, 32]);
+    }
 
     #[test]
     fn a_choice_meets_its_end_from_nine_tenths_on() {

@@ -131,6 +131,14 @@ def test_an_iddata_with_little_in_it(tmp_path, version):
 
 
 @versions
+def test_a_workspace_of_times_signals_and_a_step(tmp_path, version):
+    """`t` was no column there, whoever named it."""
+    path = write(tmp_path / "a.mat", {"t": T, "y": Y[0], "u": U[0], "Ts": 0.02}, version)
+    assert read(path) == read(path, outputs="y", inputs="u", time="t") == Record(y=Y[0], u=U[0], dt=0.02)
+    assert columns(path).rows[0]["column"] == "t"
+
+
+@versions
 def test_an_iddata_with_times_of_its_own(tmp_path, version):
     times = 1000 * T**1.5
     rec = read(write(tmp_path / "a.mat", {"z": iddata(Ts=np.zeros((0, 0)), SamplingInstants=times)}, version))

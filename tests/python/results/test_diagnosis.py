@@ -141,4 +141,8 @@ def test_an_estimate_on_a_bound_is_checked():
             said = str(fit.check())
             ended += fit.at_bound == ("delay",)
             assert ("delay ended on a bound" in said) == (fit.at_bound == ("delay",))
+            if fit.at_bound:  # whose error was 0
+                twice, root = fit.derived(twice="2*delay", gain="b0/a1").rows
+                assert np.isnan(twice["bse"])
+                assert root["bse"] > 0
     assert ended >= 1
