@@ -96,7 +96,8 @@ def fit(
     harmonics : int, optional
         The highest modulating index M instead of a band; line M + n is the highest used. With neither,
         "ml" and "awls" choose the narrowest band whose standard errors are within 1 % of those of a wide
-        one, "ls" and "wls" take M = 3 times the number of parameters and trend terms (report, eq. (20)).
+        one (of equations, with 8 degrees of freedom where samples allow it), "ls" and "wls" take M = 3 times
+        the number of parameters and trend terms (report, eq. (20)).
     trend : {"auto", "constant", "linear", None}
         Offset (and slope) estimated for each output of each record; for equations, a constant (and slope)
         per equation. "auto" is "constant", and None for an `Equation`, where one is written ``+ c``.

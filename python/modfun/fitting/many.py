@@ -9,18 +9,20 @@ import numpy as np
 
 from ..base.progress import Progress
 from ..base.words import STATUS
-from ..errors import DataError, FitError
+from ..errors import DataError, FitError, ModfunError
 from ..models.options import Options
 from ..models.process import refuse_unknown, with_inputs
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.corners import driving
 from ..records.record import Record
+from ..results.cures import on_band
 from ..results.fit import Fit
 from ..results.many import FitMany
 from .changes import Alone, Changes, may_change
 from .of_equations import PreparedEquation, batch_of, prepare_equation
 from .prepared import Prepared, prepare, refuse_cut_off, refuse_standing
+from .wider import ENOUGH
 
 __all__ = ["fit_batch", "fit_each"]
 
@@ -60,6 +62,9 @@ def fit_batch(
         y, u = batch_of(made, data)
     with Progress(progress, *SHOWN) as bar:
         found = made.core.fit_many(y, u, threads=threads, progress=bar)
+        if (wide := _wider(found, data, structure, options, fit_one)) is not None:
+            made = prepare_equation(structure, wide, sample)
+            found = made.core.fit_many(y, u, threads=threads, progress=bar)
     failed = isinstance(structure, TransferFunction) and found["status"][0] == NONFINITE
     if failed and not any(np.isfinite(samples).all() for samples in y):
         raise DataError(
@@ -71,6 +76,24 @@ def fit_batch(
     if may_change(made.layout, options, made.intervals[0]):
         look = Changes(alone, made.layout, made.intervals[0])
     return FitMany.of_core(found, made.layout, structure, options, alone, look, notes)
+
+
+def _wider(
+    found: dict[str, Any],
+    data: Batch | tuple[Record, ...],
+    structure: Any,
+    options: Options,
+    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
+) -> Options | None:
+    """The options with the band of the first record's fit, where few lines make it wider than the core's."""
+    asked = options.band is not None or options.harmonics is not None
+    if isinstance(structure, TransferFunction) or asked or found["df_resid"] >= ENOUGH:
+        return None
+    try:
+        first = fit_one((data[0],), structure, options)
+    except ModfunError:  # a replicate of a batch that makes no record
+        return None
+    return on_band(first, first.band) if "widened" in (first.band_rule or {}) else None
 
 
 def fit_each(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import combinations
-from math import ceil, exp, pi
+from math import ceil, exp
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from .from_states import fit_from_states
 from .kinks import without_kinks
 from .of_equations import fit_equation
 from .operating_point import OperatingPoint
+from .wider import wider_edge
 
 __all__ = ["fit_with_past"]
 
@@ -126,13 +127,10 @@ class _Search:
 
         A past says so much of the parameters that few lines reach their bound.
         """
-        missing = ENOUGH - fit.df_resid
-        if missing <= 0 or fit.band_rule is None:
+        if fit.band_rule is None:
             return fit
-        steps = [float(np.median(np.diff(rec.t))) for rec in self.records]
-        length = sum(step * count for step, count in zip(steps, fit.intervals, strict=True))
-        edge = min(fit.band[1] + pi * missing / (length * len(fit.outputs)), 2 * pi / (SLOWEST * max(steps)))
-        if not edge > fit.band[1]:
+        edge = wider_edge(fit, self.records, ENOUGH, SLOWEST)
+        if edge == fit.band[1]:
             return fit
         other = self.fit_once(self.extended(self.levels), self.structure, on_band(fit, (fit.band[0], edge)))
         return replace(other, band_rule=fit.band_rule | {"widened": 1.0}) if other.success else fit

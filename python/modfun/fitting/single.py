@@ -19,6 +19,7 @@ from .prepared import counts_start
 from .robust import refuse_robust, robust_fit
 from .signs import signed
 from .uneven import without_excess
+from .wider import equations_on_enough_lines
 
 __all__ = ["fit_quietly", "fit_whole", "refuse_whole"]
 
@@ -31,7 +32,8 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
-        made = signed(equations_closely(fit_equation(records, structure, options, fit_quietly), fit_equation))
+        few = fit_equation(records, structure, options, fit_quietly)
+        made = signed(equations_closely(equations_on_enough_lines(few, fit_equation), fit_equation))
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)
