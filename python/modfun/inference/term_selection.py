@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import floor, isfinite, log10, sqrt
+from math import floor, isfinite, log10, pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -26,12 +26,15 @@ from . import drawing_terms
 from .library import Library
 from .term_search import FALSE_ALARM, Searched, weights
 
-__all__ = ["TermSelection", "selection"]
+__all__ = ["TermSelection", "selection", "sparse"]
 
 LARGER = 3  # sizes beyond the chosen one that the path shows
 ALIKE = 6.0  # rise of the criterion at an exchange, under which two terms are not told apart
 LIKELY = 0.01  # least probability that a summary shows
 AVERAGED = 1e-6  # least weight of a subset in the averages
+# A step that is so much of the band's shortest period, and residuals so many times the noise, say that sums
+# over uneven samples err. With steps of a quarter of it they hardly do.
+SPARSE, GUESSED, FINE = 0.3, 3.0, 4
 
 
 @public
@@ -219,7 +222,7 @@ def selection(
         alike=_alike(labels, searched),
         band=(0.0, edge),
         noise_sd=dict(zip(first.outputs, map(float, sd), strict=True)),
-        notes=_notes(library, searched, noise),
+        notes=_notes(library, searched, noise, sparse(records, edge, searched)),
         records=records,
         options=options,
     )
@@ -322,13 +325,33 @@ def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _notes(library: Library, searched: Searched, noise: str | Noise) -> tuple[str, ...]:
+def sparse(records: Sequence[Record], edge: float, searched: Searched) -> str:
+    """That sums over uneven samples err by more than the noise, in words with a full stop; else "".
+
+    Runs between samples that are as far apart as a part of the band's shortest period are guessed.
+    """
+    steps = [float(np.max(np.diff(rec.t))) for rec in records if rec.dt is None]
+    period, longest = 2 * pi / edge, max(steps, default=0.0)
+    excess = sqrt(searched.excess)
+    if not (searched.coloured and longest > SPARSE * period and excess > GUESSED):
+        return ""
+    return (
+        f"The longest step between samples is {longest:.3g} s and the shortest period of the band is "
+        f"{period:.3g} s: sums over the samples err there, the whole library leaves residuals "
+        f"{excess:.3g} times the noise, and terms may be missing or wrong. Sample with steps of at most "
+        f"{period / FINE:.2g} s, or take a part of the record without longer ones."
+    )
+
+
+def _notes(library: Library, searched: Searched, noise: str | Noise, sampling: str) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
         f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of "
         f"at most {100 * FALSE_ALARM:g} %."
     ]
-    if searched.coloured:
+    if sampling:
+        notes.append(sampling)
+    elif searched.coloured:
         signed = ", or a sign is wrong" if any(library.signs) else ""
         origin = "given" if isinstance(noise, Noise) else "seen in the high band"
         notes.append(
@@ -342,7 +365,8 @@ def _notes(library: Library, searched: Searched, noise: str | Noise) -> tuple[st
         if not any(on and e == k for on, e in zip(searched.chosen, library.equation, strict=True))
     ]
     if bare:
-        notes.append(f"No candidate explains {' or '.join(bare)} beyond the noise: nothing is chosen for it.")
+        beyond = "what these sums err by" if sampling else "the noise"
+        notes.append(f"No candidate explains {' or '.join(bare)} beyond {beyond}: nothing is chosen for it.")
     if library.left_out:
         notes.append(f"Left out, being no derivative of a signal: {', '.join(library.left_out)}.")
     if not searched.estimate.settled:

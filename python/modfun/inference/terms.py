@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.progress import Progress
 from ..equations.written import Written
-from ..errors import DataError, FitError, SpecError
+from ..errors import DataError, FitError, ModfunWarning, SpecError
 from ..fitting.fit import records_of
 from ..fitting.gaps import bridged, relative, variances
 from ..models.noise import Noise
@@ -20,7 +21,7 @@ from .common import widest
 from .library import Library, library_of
 from .moments import Lines, signal_edge
 from .term_search import Search
-from .term_selection import TermSelection, selection
+from .term_selection import TermSelection, selection, sparse
 
 __all__ = ["select_terms"]
 
@@ -147,6 +148,8 @@ def select_terms(
             "select_terms: no subset of the library has a finite likelihood; scale the channels, or leave "
             "out terms that grow fast"
         )
+    if text := sparse(records, edge, searched):
+        warnings.warn(f"select_terms: {text}", ModfunWarning, stacklevel=3)
     return selection(records, tests, found, searched, levels, edge, noise)
 
 
@@ -198,9 +201,12 @@ def _band(
     wide, own = [], []
     for rec, y, sd in zip(records, outputs, levels, strict=True):
         omega0 = 2 * np.pi / rec.duration
-        wide.append(widest([rec.intervals], [omega0]))
-        lines = round(wide[-1] / omega0)
         times = rec.t - rec.t[0] if rec.dt is None else None
+        # Sums see nothing within the longest of uneven steps; few lines are still better than none.
+        steps = rec.intervals if times is None else int(rec.duration / np.max(np.diff(times)))
+        least = 0.0 if times is None else min(most, rec.intervals // 4) * omega0
+        wide.append(max(widest([steps], [omega0]), least))
+        lines = round(wide[-1] / omega0)
         own.append(max(signal_edge(y, sd**2, order, lines, times), most) * omega0)
     edge = min(max(own), *wide)
     tops = [int(edge * rec.duration / (2 * np.pi) + 1e-9) for rec in records]
