@@ -64,7 +64,7 @@ def compile_system(system: System, what: str) -> Compiled:
     terms: list[Term] = []
     for e, expr in enumerate(equations):
         try:
-            found, words = arrange(_separated(expr, moving), moving, system.outputs)
+            found, words = arrange(_separated(_logarithms(expr, moving), moving), moving, system.outputs)
         except NotExact as fault:
             raise SpecError(_outside(fault, moving, what)) from None
         own, more = _normal(_terms(e, found, moving, system.outputs), turn=bool(system.hidden))
@@ -149,6 +149,23 @@ def _separated(expr: sympy.Expr, moving: Moving) -> sympy.Expr:
             turned = sympy.cos(x) if found.func == sympy.sin else -sympy.sin(x)
             expr = expr.xreplace({found: sympy.cos(phase) * found.func(x) + sympy.sin(phase) * turned})
     return expr
+
+
+def _logarithms(expr: sympy.Expr, moving: Moving) -> sympy.Expr:
+    """log(K/x) as log(K) - log(x): the parameter leaves the signal, where both are positive."""
+    for found in sorted(expr.atoms(sympy.log), key=str):
+        still, signal = moving.split(sympy.factor(found.args[0]))
+        if still != 1 and moving.parameters(still) and signal != 1 and not moving.parameters(signal):
+            if still.could_extract_minus_sign():
+                still, signal = -still, -signal
+            expr = expr.xreplace({found: _log(still) + _log(signal)})
+    return expr
+
+
+def _log(positive: sympy.Expr) -> sympy.Expr:
+    """A logarithm, of 1/x as -log(x)."""
+    over, below = sympy.fraction(positive)
+    return -sympy.log(below) if over == 1 else sympy.log(positive)
 
 
 def _size(expr: sympy.Expr) -> int:
