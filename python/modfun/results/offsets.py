@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..base.arrays import F64
 from ..base.cached import kept
+from ..equations.equation import Equation
+from ..errors import ModfunError
+from ..models.free import Free
 from .cures import (
     CLOSE,
     ENOUGH,
@@ -25,6 +29,7 @@ from .cures import (
 from .diagnosis import level_p, lower_p
 from .doubts import FINEST, SURE, Doubt, numbers, rms
 from .estimates import Estimates
+from .held_numbers import contradicted_numbers
 from .neighbours import EXTRA, unused, with_offset
 
 __all__ = ["is_all", "mean", "offset", "with_constant"]
@@ -35,6 +40,7 @@ ROUNDING = 1e-12  # the same the other way round: a channel that stands, as the 
 # Where an offset bends the estimate, residuals are so many times the noise of the high band, and a constant
 # makes them smaller by such a factor.
 AWAY, BENT = 1.5, 2.0
+UNIT = 3.0  # a factor as large is that of a unit
 ABSURD = 1000.0  # times the largest sample of a channel: no sensor is that far off, the equation is another
 
 
@@ -70,10 +76,15 @@ def mean(fit: Estimates) -> Doubt | None:
         # The equation took the offset for the signal.
         return Doubt(
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
-            f"constant, and no parameter is larger than its standard error. {_constant(fit)}"
+            f"constant, and no parameter is larger than its standard error. {_constant(fit)[0]}"
         )
     if told := _bent(fit) or _settled(fit) or _off_zero(fit, spread):
-        return Doubt(f"{told} {_constant(fit)}")
+        cure, after = _constant(fit)
+        number = _number(fit)
+        if number is None or not number.after < after - CLOSE:
+            return Doubt(f"{told} {cure}")
+        # A number in one equation, or a unit or sign of a channel, is said by the look at held numbers.
+        return Doubt(number.words) if number.shared or contradicted_numbers(fit) is None else None
     # Of several outputs, each channel in each equation takes a fit.
     one = len(fit.outputs) == 1 and not amplified(fit)
     found = _offset_of(fit, math.inf) if one and level_p(fit) < SURE else None
@@ -171,13 +182,75 @@ def is_all(fit: Estimates) -> bool:
     return other is not None and level_p(other) > ENOUGH
 
 
-def _constant(fit: Estimates) -> str:
-    """The first cure of an offset: of the channel, where that explains more than a constant."""
+@dataclass(frozen=True)
+class _Numbered:
+    """A number before one signal of the equations, beside what the record has for it."""
+
+    words: str
+    after: float
+    shared: bool
+
+
+def _number(fit: Estimates) -> _Numbered | None:
+    """The number before a signal, in all equations that have one, that lowers BIC most with a parameter."""
+    found, model = None, fit.structure
+    if fit.again is None or fit.records is None or not isinstance(model, Equation) or model.hidden:
+        return None
+    before = bic_beside(fit, fit)
+    best = before - WORTH
+    for shown, texts, count in _numbered(model):
+        try:
+            other = model._like(text=texts, params={**dict(model.params), EXTRA: Free()})
+        except ModfunError:
+            continue
+        made = again(fit, fit.records, other, on_band(fit, fit.band).replace(trend=fit.trend))
+        if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
+            continue
+        factor, error = 1 + made[EXTRA], float(made.bse[made.param_names.index(EXTRA)])
+        if not 1 / UNIT < factor < UNIT:
+            continue  # of a channel in another unit, which is looked for by itself
+        best, q = after, unused("q", model)
+        place = "the equations, which share one" if count > 1 else "the equation"
+        found = _Numbered(
+            f"A number in the equations contradicts the record, which has {factor:.4g} ± {error:.2g} times "
+            f"what they have of {shown}. Write a parameter, {q}, before {shown} in {place}: BIC falls from "
+            f"{before:.4g} to {after:.4g}.",
+            after,
+            count > 1,
+        )
+    return found
+
+
+def _numbered(model: Equation) -> Iterator[tuple[str, list[str], int]]:
+    """Signals before which numbers stand, texts with a factor of these, and in how many equations."""
+    from ..equations.symbolic.words import said
+
+    terms = model.compiled().terms
+    if len(model.texts) != 1 + max(term.equation for term in terms):
+        return
+    highest = [max(t.order for t in terms if t.equation == e) for e in range(len(model.texts))]
+    places: dict[str, dict[int, float]] = {}
+    for t in terms:
+        plain = t.factor is None and t.coefficient.is_number and not t.signal.is_number
+        if plain and t.order < highest[t.equation]:
+            shown = f"D({said(t.signal)}, {t.order})" if t.order else said(t.signal)
+            # On the right of the equation, where the parameter stands.
+            places.setdefault(shown, {})[t.equation] = -float(t.coefficient)
+    for shown, own in places.items():
+        texts = [
+            text + (f" + {EXTRA}*{own[e]!r}*{shown}" if e in own else "")
+            for e, text in enumerate(model.texts)
+        ]
+        yield shown, texts, len(own)
+
+
+def _constant(fit: Estimates) -> tuple[str, float]:
+    """The first cure of an offset, of a channel where that explains more than a constant, and BIC so."""
     other = with_constant(fit)
-    found = _offset_of(fit, math.inf if other is None else bic_beside(other, fit))
-    if found is not None:
-        return found.words
-    return f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit)}'
+    after = math.inf if other is None else bic_beside(other, fit)
+    if (found := _offset_of(fit, after)) is not None:
+        return found.words, found.after
+    return f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit)}', after
 
 
 @dataclass(frozen=True)
@@ -187,6 +260,7 @@ class _Offset:
     words: str
     trend: str | None
     settles: bool
+    after: float
 
 
 def _offset_of(fit: Estimates, other: float) -> _Offset | None:
@@ -213,7 +287,7 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
                 f"{made[EXTRA]:.4g}, and BIC falls from {before:.4g} to {after:.4g}. A constant in the "
                 f"equation is not the same, since {x} does not enter linearly."
             )
-            found = _Offset(words, trend, convincing(fit, Cure("", before, after, level_p(made))))
+            found = _Offset(words, trend, convincing(fit, Cure("", before, after, level_p(made))), after)
     return found
 
 
