@@ -27,7 +27,7 @@ def prey(seed: int, samples: int) -> mf.Record:
 
 @pytest.mark.statistics
 def test_terms_of_120_samples_at_random_times_are_right() -> None:
-    """Of seeds 0 to 9 one is wrong, and says so; before, four were, all in silence."""
+    """At most one of ten is wrong, and says so; before, four of the first twelve were, all in silence."""
     right = 0
     for seed in range(10):
         with warnings.catch_warnings(record=True) as told:
