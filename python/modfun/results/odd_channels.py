@@ -19,11 +19,12 @@ from .estimates import Estimates
 from .held_numbers import turned, unit_of
 from .regression import rms
 
-__all__ = ["Change", "left_of", "likeliest_change", "told", "told_both"]
+__all__ = ["Change", "left_of", "likeliest_change", "told", "told_both", "votes"]
 
 OTHER = 0.03  # relative: a factor closer to 1 is none
 SIGMAS = 4.0  # standard errors, the same of a factor and of a time
 MOST = 16  # samples that a channel may be late or early
+FAINT = 30.0  # times the error of a change: records that know its channel so badly have no vote
 TINY = 1e-300
 STEPS = 3  # in which the time is found from the nearest sample
 
@@ -59,10 +60,11 @@ class Change:
 
     @property
     def clear(self) -> bool:
-        """Whether it is one at all."""
+        """Whether it is one at all; of a channel that does not move the factor may be any."""
         if self.late:
             return abs(self.late) > SIGMAS * self.error
-        return abs(self.factor - 1) > max(OTHER, SIGMAS * self.error)
+        known = abs(self.factor) > SIGMAS * self.error
+        return known and abs(self.factor - 1) > max(OTHER, SIGMAS * self.error)
 
     def undone(self, rec: Record) -> Record:
         """The record as the others predict it."""
@@ -121,16 +123,23 @@ class Change:
 def told(fit: Estimates, changes: Sequence[Change]) -> Doubt:
     """The channels in words, with the change of the records."""
     if len(changes) > 1 and all([one.same(changes[0]) for one in changes]):
-        text = f"{changes[0].seen(_of_all(changes))}. First try {_cure(fit, changes, 'these')}"
+        where = _of_all([one.record for one in changes])
+        text = f"{changes[0].seen(where)}. First try {_cure(fit, changes, 'these')}"
     else:
         text = "; ".join([one.seen(f"record {one.record}") for one in changes]) + ". First try "
         text += ", ".join([_cure(fit, [one]) for one in changes])
     return Doubt(f"{text}{_or_inverse(fit, changes[0])}.")
 
 
-def told_both(fit: Estimates, changes: Sequence[Change], others: Sequence[Change]) -> Doubt:
-    """The same of two groups of as many records, of which either may be changed."""
-    here, there, one = _of_all(changes), _of_all(others), changes[0]
+def told_both(
+    fit: Estimates, changes: Sequence[Change], others: Sequence[Change], silent: Sequence[int] = ()
+) -> Doubt:
+    """The same of two groups of as many records, of which either may be changed.
+
+    `silent`: records in which the channel moves too little to tell.
+    """
+    here, there = (_of_all([own.record for own in group]) for group in (changes, others))
+    one = changes[0]
     pair = len(changes) == 1
     cures = [_cure(fit, changes), _cure(fit, others)]
     if turned(one.factor):
@@ -139,16 +148,18 @@ def told_both(fit: Estimates, changes: Sequence[Change], others: Sequence[Change
     else:
         text = one.seen(here).replace("the rest of the list predicts", f"{there} predict{'s' * pair}")
     open_ = "two records do not tell which is wrong" if pair else "as many do not tell which are wrong"
+    if silent:
+        open_ += f" (in {_of_all(silent)} {one.channel} moves too little to say)"
     return Doubt(
         f"{text}, and {open_}; the wrong change would pass in silence. First see the wiring, the calibration "
         f"or other manoeuvres; then {' or '.join(cures)}{_or_inverse(fit, one)}."
     )
 
 
-def _of_all(changes: Sequence[Change]) -> str:
+def _of_all(records: Sequence[int]) -> str:
     """The records in words."""
-    where = [str(one.record) for one in changes]
-    return f"record {where[0]}" if len(where) == 1 else f"records {', '.join(where[:-1])} and {where[-1]}"
+    *first, last = map(str, records)
+    return f"records {', '.join(first)} and {last}" if first else f"record {last}"
 
 
 def _cure(fit: Estimates, changes: Sequence[Change], where: str = "") -> str:
@@ -156,7 +167,7 @@ def _cure(fit: Estimates, changes: Sequence[Change], where: str = "") -> str:
     first, records = changes[0], fit.records or ()
     name = f"records[{first.record}]" if len(changes) == 1 else "rec"
     words = first.cure(records[first.record], name)
-    return words if len(changes) == 1 else f"{words} for {where or _of_all(changes)}"
+    return words if len(changes) == 1 else f"{words} for {where or _of_all([one.record for one in changes])}"
 
 
 def _or_inverse(fit: Estimates, change: Change) -> str:
@@ -169,31 +180,41 @@ def _or_inverse(fit: Estimates, change: Change) -> str:
 
 def likeliest_change(base: Estimates, rec: Record, k: int) -> Change | None:
     """The change of one channel of record `k` that explains best what a fit of other records does not."""
-    moved = _responses(base, rec)
-    if moved is None or rec.dt is None:
+    channels = _channels(base, rec)
+    if channels is None or rec.dt is None:
         return None
-    forced, free = moved
-    every, count = forced.sum(axis=0), len(rec.y)
-    rows = [_Row(rec, i, free[:, i]) for i in range(count)]
+    rows, every = channels[0], channels[1][0].response
     plain = [row.left(every[row.at]) for row in rows]
     found = list[tuple[float, Change]]()
-
-    def tried(name: str, chosen: Sequence[_Row], response: F64, power: int, rest: F64 | float) -> None:
-        others = sum(plain[i] for i in range(count) if i not in [row.at for row in chosen])
-        (f, error, left), (late, off, moved) = _fitted(chosen, response, rest)
-        size = error if power > 0 or not f else error / f**2
-        scaled = Change(k, name, f if power > 0 else 1 / f, 0.0, size, rec.dt or 0.0) if f else None
-        found.extend((round(others + left, 2), one) for one in (scaled,) if one and one.clear)
-        shifted = Change(k, name, 1.0, power * late, off, rec.dt or 0.0)
-        found.extend((round(others + moved, 2), one) for one in (shifted,) if one.clear)
-
-    for row, name in zip(rows, base.outputs, strict=True):
-        tried(name, [row], every, 1, 0.0)
-    for j, name in enumerate(base.inputs):
-        # All outputs late beside an input: that is early beside them.
-        tried(name, rows, forced[j], -1, every - forced[j])
+    for one in channels[1]:
+        others = sum(plain[row.at] for row in rows if row not in one.rows)
+        (f, error, left), (late, off, moved) = _fitted(one.rows, one.response, one.rest)
+        size = error if one.power > 0 or not f else error / f**2
+        scaled = Change(k, one.name, f if one.power > 0 else 1 / f, 0.0, size, rec.dt) if f else None
+        found.extend((round(others + left, 2), own) for own in (scaled,) if own and own.clear)
+        shifted = Change(k, one.name, 1.0, one.power * late, off, rec.dt)
+        found.extend((round(others + moved, 2), own) for own in (shifted,) if own.clear)
     # Of those that do the same the first is named.
     return min(found, key=lambda pair: pair[0], default=(inf, None))[1]
+
+
+def votes(base: Estimates, rec: Record, change: Change) -> bool:
+    """Whether a record that a fit explains contradicts the change of another one as a change of the fit.
+
+    It has to agree with the fit on the channel's factor or time, and to know it about as well as the other
+    does: a channel that stands still but for its noise says nothing.
+    """
+    channels = _channels(base, rec)
+    if channels is None:
+        return False
+    one = next(own for own in channels[1] if own.name == change.channel)
+    (f, error, _), (late, off, _) = _fitted(one.rows, one.response, one.rest)
+    seen, usual, other = f, 1.0, change.factor**one.power
+    if change.late:
+        seen, usual, other, error = late, 0.0, one.power * change.late, off
+    agrees, clear = abs(seen - usual) < SIGMAS * error, abs(other - usual) > 2 * SIGMAS * error
+    faint = FAINT * change.error / (1.0 if change.late else abs(change.factor))
+    return agrees and clear and error < faint
 
 
 def left_of(base: Estimates, rec: Record) -> float:
@@ -203,6 +224,33 @@ def left_of(base: Estimates, rec: Record) -> float:
         return inf
     every, free = moved[0].sum(axis=0), moved[1]
     return sum(_Row(rec, i, free[:, i]).left(every[i]) for i in range(len(rec.y)))
+
+
+@dataclass(frozen=True)
+class _Channel:
+    """A channel with the response that its change scales or shifts, the rest, and the outputs with these.
+
+    `power`: 1 of an output and -1 of an input: all outputs late beside an input, that is early beside them.
+    """
+
+    name: str
+    rows: Sequence[_Row]
+    response: F64
+    power: int
+    rest: F64 | float
+
+
+def _channels(base: Estimates, rec: Record) -> tuple[Sequence[_Row], Sequence[_Channel]] | None:
+    """The outputs of a record, and its channels beside what a fit predicts."""
+    moved = _responses(base, rec)
+    if moved is None:
+        return None
+    forced, free = moved
+    every = forced.sum(axis=0)
+    rows = [_Row(rec, i, free[:, i]) for i in range(len(rec.y))]
+    found = [_Channel(name, [row], every, 1, 0.0) for row, name in zip(rows, base.outputs, strict=True)]
+    inputs = zip(base.inputs, forced, strict=True)
+    return rows, [*found, *(_Channel(name, rows, own, -1, every - own) for name, own in inputs)]
 
 
 class _Row:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from .cures import ENOUGH, again, again_at_all, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
-from .odd_channels import Change, likeliest_change, told, told_both
+from .odd_channels import Change, likeliest_change, told, told_both, votes
 from .time_steps import other_step
 
 __all__ = ["unlike_alone", "unlike_records"]
@@ -20,6 +21,8 @@ __all__ = ["unlike_alone", "unlike_records"]
 MOST = 64  # records that are fitted alone
 SHOWN = 2  # parameters
 FEWEST = 2  # equations a parameter
+LITTLE = 0.5  # of the power of the noise: what is left besides, if it is so small a part of what was
+EXPLAINED = 0.01
 DROWNED = 10.0  # times the usual level of noise of records
 ALIKE = 0.01  # relative: steps that differ by rounding
 
@@ -35,13 +38,7 @@ def unlike_records(fit: Estimates) -> Doubt | None:
     if not right:
         return None
     if len(right) < len(each):
-        base = _others(fit)
-        if base is not None and len(right) == len(each) - 1:
-            k = min({*range(len(each))} - {*right})
-            if slip := _of_step(fit, base, each[k], k):
-                return slip
-        found = _of_channels(fit, base, right)
-        return told(fit, found) if found else None
+        return _of_rest(fit, each, _joined(fit, right))
     fits = [own for own in each if own is not None]
     values, errors = (np.array([getattr(own, name) for own in fits]) for name in ("params", "bse"))
     covs = [own.cov_params() for own in fits]
@@ -108,12 +105,31 @@ def _together(fit: Estimates, right: Sequence[int]) -> Estimates | None:
     """The fit of these records, where it leaves only the noise."""
     records = fit.records or ()
     found = again(fit, tuple([records[k] for k in right]), fit.structure, fit.options)
-    return found if found is not None and _right(found) else None
+    return found if found is not None and _explains(fit, found) else None
+
+
+def _joined(fit: Estimates, right: Sequence[int]) -> list[int]:
+    """These records with those that only together with them leave only noise, as no input of theirs moves."""
+    found = list(right)
+    for k in sorted({*range(len(fit.records or ()))} - {*right}):
+        found += [k] if _together(fit, [*found, k]) is not None else []
+    return sorted(found)
 
 
 def _right(fit: Estimates, count: int = 1) -> bool:
     """Whether a fit leaves only the noise."""
     return fit.usable and fit.success and level_p(fit) > ENOUGH / count
+
+
+def _explains(fit: Estimates, other: Estimates) -> bool:
+    """Whether another fit leaves the noise, or beside what this one leaves next to nothing more.
+
+    Inputs that are a little noisy leave more than the noise of the outputs in a fit that is right, too.
+    """
+    if not (other.usable and other.success):
+        return False
+    before, after = (one.chi2 / one.df_resid - 1 if one.usable else inf for one in (fit, other))
+    return level_p(other) > ENOUGH or after < min(LITTLE, EXPLAINED * before)
 
 
 def _of_channels(fit: Estimates, base: Estimates | None, right: Sequence[int]) -> list[Change]:
@@ -132,7 +148,7 @@ def _of_channels(fit: Estimates, base: Estimates | None, right: Sequence[int]) -
         changed[k] = change.undone(records[k])
         found.append(change)
     whole = again(fit, tuple(changed), fit.structure, fit.options)
-    return found if whole is not None and _right(whole) else []
+    return found if whole is not None and _explains(fit, whole) else []
 
 
 def _of_step(fit: Estimates, base: Estimates, own: Estimates | None, k: int) -> Doubt | None:
@@ -153,20 +169,31 @@ def _of_step(fit: Estimates, base: Estimates, own: Estimates | None, k: int) -> 
 
 
 def _of_rest(fit: Estimates, each: Sequence[Estimates | None], most: Sequence[int]) -> Doubt | None:
-    """The time step or channel with which the rest of the records agree with these, which agree alone.
+    """The time step or channel with which the rest of the records agree with these.
 
-    Where the rest are as many, nothing but a unit tells which are wrong: the larger numbers are named.
+    Only records in which a channel moves tell whether it is wrong. Where as many say the one as the other,
+    nothing but a unit tells which are wrong: the larger numbers are named.
     """
     rest = sorted({*range(len(each))} - {*most})
-    base, tied = _together(fit, most), len(rest) == len(most)
-    if base is not None and len(rest) == 1 and (slip := _of_step(fit, base, each[rest[0]], rest[0])):
+    base = _together(fit, most)
+    if base is None or not rest:
+        return None
+    if len(rest) == 1 and (slip := _of_step(fit, base, each[rest[0]], rest[0])):
         return slip
-    found = _of_channels(fit, base, most)
-    if not (found and tied and all([one.same(found[0]) for one in found])):
-        return told(fit, found) if found else None
-    other = [found[0].inverse(k) for k in most]
-    first, second = (other, found) if found[0].size < 1 else (found, other)
-    return told(fit, first) if first[0].unit else told_both(fit, first, second)
+    found, sure = _of_channels(fit, base, most), list[Change]()
+    while found:
+        one = found[0]
+        same = [own for own in found if own.same(one)]
+        found = [own for own in found if own not in same]
+        silent = [k for k in most if not votes(base, (fit.records or ())[k], one)]
+        against = [one.inverse(k) for k in most if k not in silent]
+        if not against or len(against) == len(same):
+            first, second = same, against or [one.inverse(k) for k in most]
+            if one.size < 1:
+                first, second = second, first
+            return told(fit, first) if first[0].unit else told_both(fit, first, second, silent)
+        sure += same if len(same) < len(against) else against
+    return told(fit, sure) if sure else None
 
 
 def _weighted(values: F64, covs: Sequence[F64]) -> tuple[F64, F64, F64]:
