@@ -17,7 +17,7 @@ from .coloured_load import coloured_load
 from .cures import DRIFT, ENOUGH, again, best_cure, convincing, furthest
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
-from .diagnosis import diagnose, growth
+from .diagnosis import diagnose, growth, level_p
 from .doubts import (
     SURE,
     Doubt,
@@ -252,6 +252,11 @@ def unexplained(fit: Estimates) -> Doubt | None:
     return joined(fit) or clipped(fit) or doubt if doubt else None
 
 
+def saturated(fit: Estimates) -> Doubt | None:
+    """That an output sits at an extreme, where residuals leave no doubt that there is more than noise."""
+    return clipped(fit) if level_p(fit) < SURE else None
+
+
 @kept
 def slow_noise(fit: Estimates) -> Doubt | None:
     """That disturbances of the outputs are slow, which weights of white noise leave in the estimates.
@@ -373,9 +378,9 @@ def misbegun(fit: Estimates) -> Doubt | None:
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     coded, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated, sparse,
     not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, drifts, misbegun,
-    unexpected, stored_late, stands_still, slow_input, in_two_units, off_centre, in_other_units,
-    contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped, fed_back,
-    coloured_load, eliminated, unexplained, one_cause, flips, unsettled, unstable, condition,
+    unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
+    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
+    fed_back, coloured_load, eliminated, unexplained, one_cause, flips, unsettled, unstable, condition,
     uncertain_poles, wandering, twin,
 )  # fmt: skip
 
@@ -419,6 +424,7 @@ def check(fit: Estimates, line: str) -> Findings:
             slow_input,
             unlike_records,
             one_record,
+            saturated,
             off_centre,
             in_other_units,
             contradicted_numbers,
