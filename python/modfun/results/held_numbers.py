@@ -36,33 +36,21 @@ from .cures import (
 from .diagnosis import level_p
 from .doubts import Doubt
 from .estimates import Estimates
+from .factors import OF_ANGLES, OF_FORCES, ROUGH, UNITS, Unit, turned, unit_of
 from .hidden_units import DEGREES, GRAVITY, angles_of, forces_of, seem
 from .misfit import suspicious
 from .worth import worth
 
-__all__ = ["Factor", "contradicted_numbers", "factor_beside", "turned", "unit_of"]
+__all__ = ["Factor", "contradicted_numbers", "factor_beside"]
 
 FREED = "freed_"  # names of the parameters in the place of numbers
 SIGMAS = 4.0  # standard errors within which a number agrees
-ROUGH = 0.05  # relative, the same: kinematics are often rounded
 RATE = " in the equation of "  # words of a number beside the derivative of a channel
 STEPS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 0.1, 10.0, 1e-3, 1e3)  # what a wrong time step is off by
+KNOWN = 0.06  # relative: standard error of a factor beyond which it is none
 NEAR = 0.03  # relative, the same of a unit
 MOST = 2  # channels that are in another unit at once
-# What a factor of a channel is, as size and words.
-Unit = tuple[float, str]
-UNITS: tuple[Unit, ...] = (
-    (DEGREES, "in degrees and not in radians"),
-    (1 / DEGREES, "in radians and not in degrees"),
-    (1 / GRAVITY, "in g and not in m/s²"),
-    (GRAVITY, "in m/s² and not in g"),
-    (1 / 0.3048, "in feet and not in metres"),
-    (0.3048, "in metres and not in feet"),
-    (1 / 0.5144, "in knots and not in m/s"),
-    (0.5144, "in m/s and not in knots, or in m/s² beside a speed in knots"),
-)
-OF_FORCES = (*UNITS[2:6], UNITS[7])  # what accelerations may be in
-OF_ANGLES = UNITS[:2]  # the same of channels whose unit is an angle, or one of rates of turn
+DECLARED = 0.1  # relative: how near a factor is that of a unit that was told
 
 
 @dataclass(frozen=True)
@@ -110,9 +98,11 @@ def contradicted_numbers(fit: Estimates) -> Doubt | None:
     made, model = _read(fit), fit.structure
     if not made:
         return None
-    turns = [name for name, unit in (fit.records[0].units if fit.records else {}).items() if angle_of(unit)]
+    told = fit.records[0].units if fit.records else {}
+    turns = [name for name, unit in told.items() if angle_of(unit)]
     units = dict.fromkeys(turns, OF_ANGLES) | dict.fromkeys(forces_of(model), OF_FORCES)
-    return _of_scales(made[0], angles_of(model), units) or _of_one(fit, *made)
+    in_g = [name for name, unit in told.items() if unit == "g"]
+    return _of_scales(made[0], angles_of(model), units, in_g) or _of_one(fit, *made)
 
 
 @kept
@@ -154,11 +144,14 @@ def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
 
 
 def _of_scales(
-    numbers: Sequence[Number], angles: Sequence[str], units: Mapping[str, Sequence[Unit]]
+    numbers: Sequence[Number],
+    angles: Sequence[str],
+    units: Mapping[str, Sequence[Unit]],
+    in_g: Sequence[str],
 ) -> Doubt | None:
     """That some channels have another scale, by which all numbers are explained.
 
-    `units`: what channels may be in of which something is known, accelerations and declared angles.
+    `units`: what accelerations and declared angles may be in; `in_g`: channels whose unit is said to be g.
     """
     forces = [name for name, own in units.items() if own is OF_FORCES]
     channels = list(dict.fromkeys(name for number in numbers for name in number.powers))
@@ -167,12 +160,13 @@ def _of_scales(
     none: dict[str, float] = {}
     tries: list[Any] = [(none, combinations(channels, count), numbers) for count in range(1, MOST + 1)]
     more = [one for one in combinations(channels, MOST + 1) if not set(forces).isdisjoint(one)]
-    all_angles = [(degrees, combinations(forces, count), rests) for count in (0, 1)] if forces else []
+    known = [own for own in numbers if own.error < KNOWN * abs(own.found) and _size(own, degrees) != 1]
+    all_angles = [(degrees, combinations(forces, count), rests) for count in (0, 1) if forces and known]
     for given, combined, seen in [*tries, *all_angles, (none, more, numbers)]:
         found = [
             given | scales
             for chosen in combined
-            for scales in _scales(seen, chosen)
+            for scales in (_as_told(own, in_g) for own in _scales(seen, chosen))
             if all(turned(x) or unit_of(x, units.get(name, UNITS)) for name, x in scales.items())
         ]
         if found:
@@ -180,6 +174,12 @@ def _of_scales(
             best = max(found, key=lambda scales: round(sum(scales.values()), 1))
             return Doubt(_told(best, [other for other in found if other is not best], numbers))
     return None
+
+
+def _as_told(scales: dict[str, float], in_g: Sequence[str]) -> dict[str, float]:
+    """The scales with that of the unit of gravity where it was declared and is near."""
+    near = [name for name in in_g if abs(log(abs(scales.get(name, inf)) * GRAVITY)) < DECLARED]
+    return scales | dict.fromkeys(near, 1 / GRAVITY)
 
 
 def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | None:
@@ -314,6 +314,9 @@ def _scales(
     ratios = np.array([number.found / number.held for number in sure])
     sizes, weights = np.log(np.abs(ratios)), np.array([abs(number.found) / number.error for number in sure])
     logs = np.linalg.lstsq(powers * weights[:, None], sizes * weights, rcond=None)[0]
+    errors = np.sqrt(np.diag(np.linalg.inv((powers * weights[:, None] ** 2).T @ powers)))
+    if np.any((np.abs(logs) > ROUGH) & (errors > KNOWN)):
+        return  # of a sensor's lever, say, which a unit fits by chance
     if np.any(np.abs(sizes - powers @ logs) > [number.slack(rough) for number in sure]):
         return
     for signs in product((1, -1), repeat=len(chosen)):
@@ -322,21 +325,9 @@ def _scales(
             yield dict(zip(chosen, (signs * np.exp(logs)).tolist(), strict=True))
 
 
-def turned(factor: float) -> bool:
-    """Whether a factor is that of a sign."""
-    return abs(factor + 1) < ROUGH
-
-
 def _size(number: Number, scales: Mapping[str, float]) -> float:
     """What these scales of channels make of a number."""
     return float(np.prod([scales.get(name, 1.0) ** power for name, power in number.powers.items()]))
-
-
-def unit_of(factor: float, units: Sequence[tuple[float, str]] = UNITS) -> tuple[float, str] | None:
-    """The size and words of a unit."""
-    # Knots are close to two or a half, which are no unit: such a factor is that of a time step, say.
-    near = {size: min(NEAR, abs(log(size / 2)) / 2, abs(log(size * 2)) / 2) for size, _ in units}
-    return next((unit for unit in units if abs(log(abs(factor) / unit[0])) < near[unit[0]]), None)
 
 
 def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers: Sequence[Number]) -> str:

@@ -16,7 +16,7 @@ from ..records.record import Record
 from .cures import earlier_by
 from .doubts import Doubt
 from .estimates import Estimates
-from .held_numbers import turned, unit_of
+from .factors import turned, unit_of
 from .regression import rms
 
 __all__ = ["Change", "left_of", "likeliest_change", "told", "told_both", "votes"]
