@@ -39,6 +39,7 @@ from .estimates import Estimates
 from .factors import OF_ANGLES, OF_FORCES, ROUGH, UNITS, Unit, turned, unit_of
 from .hidden_units import DEGREES, GRAVITY, angles_of, forces_of, seem
 from .misfit import suspicious
+from .vanes import of_sensors, vane
 from .worth import worth
 
 __all__ = ["Factor", "contradicted_numbers", "factor_beside"]
@@ -147,7 +148,7 @@ def _of_scales(
     numbers: Sequence[Number],
     angles: Sequence[str],
     units: Mapping[str, Sequence[Unit]],
-    in_g: Sequence[str],
+    in_g: Sequence[str] = (),
 ) -> Doubt | None:
     """That some channels have another scale, by which all numbers are explained.
 
@@ -201,6 +202,12 @@ def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | No
     if beside is not None and beside.after < after + CLOSE:
         fallen += f" About as well ({beside.after:.4g}): {beside.words}."
     step = _of_step(fit, numbers)
+    if not step and RATE in worst.words:
+        output = next(name for name, power in worst.powers.items() if power > 0)
+        found = (own for x in worst.powers for own in _scales(numbers, (x,), rough=0.0))
+        factors = [pair for own in found for pair in own.items()]
+        if doubt := of_sensors(fit, str(worst), output, factors, after, fallen):
+            return doubt
     return Doubt(
         f"A number in the equations contradicts the record: {worst}. First {step}write a parameter in its "
         f"place, or look for the unit, the scale factor or the sign of a channel.{fallen}"
@@ -255,11 +262,12 @@ def factor_beside(fit: Estimates) -> Factor | None:
         seen = f"{name} has {1 + found:.4g} ± {error:.2g} times what the equations need"
         cure = f"try rec.assign({name}=rec[{name!r}]/{1 + found:.4g})"
         return Factor("A scale factor of a channel", seen, cure, after)
+    if (off := vane(fit)) is not None and off.after < after - CLOSE:
+        return Factor("The place of a sensor", off.seen, off.cure, off.after)
     number = held[int(np.argmax(slopes))]
     seen = str(replace(number, found=number.held + found, error=error))
-    return Factor(
-        "A number in the equations, or a scale factor,", seen, "write a parameter in its place", after
-    )
+    cure = "look for a sensor's scale factor or place, or write a parameter in its place"
+    return Factor("A number in the equations, or a scale factor,", seen, cure, after)
 
 
 def _alone(numbers: Sequence[Number]) -> list[tuple[str, F64]]:
