@@ -1,4 +1,4 @@
-"""Logarithms that integration makes of what is negative in a record: epidemics known by all cases so far."""
+"""Logarithms of what is negative in a record, as of epidemics known by all cases, and of parameters."""
 
 import modfun as mf
 import numpy as np
@@ -60,3 +60,19 @@ def test_a_logarithm_of_the_user_is_no_logarithm_of_negative_samples():
     rec = _cases(0)
     with pytest.warns(mf.ModfunWarning, match="log\\(-1000 \\+ C\\) has no value at 241 of 241"):
         mf.fit(rec, mf.Equation("C' = a*log(C - 1000)", outputs="C"))
+
+
+@pytest.mark.parametrize("start", [1.0, 1.3])
+@pytest.mark.parametrize("text", ["V*u**n/(K**n + u**n)", "V*u**n*K**(-n)/(1 + (u/K)**n)"])
+def test_a_parameter_with_a_start_may_be_raised_to_another(text, start):
+    """The derivative of K**n has a logarithm of K alone, which is a number once its start is put in."""
+    t = np.linspace(0, 60, 241)
+    u = 1.5 + 1.4 * np.sin(0.3 * t) * np.cos(0.11 * t)
+    true = {"V": 2.0, "n": 2.5, "K": 1.2, "d": 0.5}
+    into = 2 * u**2.5 / (1.2**2.5 + u**2.5)
+    x = solve_ivp(lambda s, x: np.interp(s, t, into) - 0.5 * x, (0, 60), [0.2], t_eval=t, rtol=1e-8).y[0]
+    x += 0.02 * x.std() * np.random.default_rng(0).standard_normal(t.size)
+    model = mf.Equation(f"x' = {text} - d*x", outputs=["x"], inputs=["u"], params={"K": mf.Free(start)})
+    fit = mf.fit(mf.Record(y={"x": x}, u={"u": u}, t=t), model)
+    for name, value in true.items():
+        assert abs(fit[name] - value) < 4 * fit.bse[fit.param_names.index(name)]

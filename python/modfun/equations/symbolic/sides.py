@@ -36,8 +36,11 @@ def sided(
     if not compiled.source:
         return list(exprs), {}
     written = set().union(*(expr.atoms(sympy.log) for expr in compiled.source))
+    # Expressions: a logarithm of a parameter alone, as K**n makes one, would otherwise become a bare float.
     starts = {
-        parameter(name): given.start for name, given in compiled.free.items() if given.start is not None
+        parameter(name): sympy.Float(given.start)
+        for name, given in compiled.free.items()
+        if given.start is not None
     }
     found: dict[sympy.Symbol, sympy.Expr] = {}
     put: dict[sympy.Expr, sympy.Expr] = {}
