@@ -128,8 +128,7 @@ def _read(fit: Estimates) -> tuple[list[Number], Cure] | None:
     falls = worth(fit) if fit.usable else {}
     if max(falls.values(), default=0.0) > max(falls.get(("numbers",), inf) + WORTH, WORTH):
         return None  # one change explains more than all numbers
-    made = _estimated(fit)
-    if made is None:
+    if (made := _estimated(fit)) is None:
         return None
     _, held, other = made
     cure = Cure("", bic_beside(fit, fit) if fit.usable else inf, bic_beside(other, fit), level_p(other))
@@ -158,12 +157,11 @@ def _of_scales(
     channels = list(dict.fromkeys(name for number in numbers for name in number.powers))
     degrees = dict.fromkeys(angles, DEGREES)
     rests = [replace(number, held=number.held * _size(number, degrees)) for number in numbers]
-    none: dict[str, float] = {}
-    tries: list[Any] = [(none, combinations(channels, count), numbers) for count in range(1, MOST + 1)]
+    tries: list[Any] = [({}, combinations(channels, count), numbers) for count in range(1, MOST + 1)]
     more = [one for one in combinations(channels, MOST + 1) if not set(forces).isdisjoint(one)]
     known = [own for own in numbers if own.error < KNOWN * abs(own.found) and _size(own, degrees) != 1]
     all_angles = [(degrees, combinations(forces, count), rests) for count in (0, 1) if forces and known]
-    for given, combined, seen in [*tries, *all_angles, (none, more, numbers)]:
+    for given, combined, seen in [*tries, *all_angles, ({}, more, numbers)]:
         found = [
             given | scales
             for chosen in combined
@@ -237,8 +235,7 @@ def factor_beside(fit: Estimates) -> Factor | None:
 
     Which it is, a Wald test tells from a fit with a parameter for each number; that one is fitted.
     """
-    made = _estimated(fit)
-    if made is None:
+    if (made := _estimated(fit)) is None:
         return None
     model, held, every = made
     at = [every.param_names.index(f"{FREED}{k}") for k in range(len(held))]
@@ -316,7 +313,6 @@ def _scales(
     """Factors of these channels by which every number is explained."""
     sure = [number for number in numbers if number.slack(rough) < 1]
     powers = np.array([[number.powers.get(name, 0) for name in chosen] for number in sure], dtype=float)
-    powers = powers.reshape(len(sure), len(chosen))
     if not sure or (chosen and np.linalg.matrix_rank(powers) < len(chosen)):
         return
     ratios = np.array([number.found / number.held for number in sure])
@@ -327,9 +323,12 @@ def _scales(
         return  # of a sensor's lever, say, which a unit fits by chance
     if np.any(np.abs(sizes - powers @ logs) > [number.slack(rough) for number in sure]):
         return
-    for signs in product((1, -1), repeat=len(chosen)):
+    # All signs that fit do the same to the numbers: minuses beyond the fewest cancel out, as of v in v**3.
+    fewest = -len(chosen)
+    for signs in sorted(product((1, -1), repeat=len(chosen)), key=sum, reverse=True):
         turned = np.prod(np.where(powers % 2 == 1, signs, 1), axis=1)
-        if np.all(turned == np.sign(ratios)):
+        if np.all(turned == np.sign(ratios)) and sum(signs) >= fewest:
+            fewest = sum(signs)
             yield dict(zip(chosen, (signs * np.exp(logs)).tolist(), strict=True))
 
 
@@ -340,7 +339,8 @@ def _size(number: Number, scales: Mapping[str, float]) -> float:
 
 def _told(scales: dict[str, float], others: Sequence[dict[str, float]], numbers: Sequence[Number]) -> str:
     """What is off, by which number, and the change of the record."""
-    seen = max((own for own in numbers if not scales.keys().isdisjoint(own.powers)), key=lambda own: own.off)
+    about = [own for own in numbers if not scales.keys().isdisjoint(own.powers)]
+    seen = max(about, key=lambda own: (own.found * own.held < 0 and own.off > SIGMAS, own.off))
     parts, changes = dict[str, list[str]](), []
     for name, factor in scales.items():
         minus, unit = "-" if factor < 0 else "", unit_of(factor)
