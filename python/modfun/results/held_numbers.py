@@ -39,6 +39,7 @@ from .estimates import Estimates
 from .factors import OF_ANGLES, OF_FORCES, ROUGH, UNITS, Unit, turned, unit_of
 from .hidden_units import DEGREES, GRAVITY, angles_of, forces_of, seem
 from .misfit import suspicious
+from .sparse import of_sums
 from .vanes import of_sensors, vane
 from .worth import worth
 
@@ -186,7 +187,11 @@ def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | No
     worst = max(numbers, key=lambda number: number.off)
     if not (cure.level_p > ENOUGH and worst.off > SIGMAS):
         return None
-    after = _named_alone(fit, numbers, cure)
+    made, name = _estimated(fit), f"{FREED}{numbers.index(worst)}"
+    if made and (doubt := of_sums(fit, made[0], _options(fit), name, worst.found - worst.held, str(worst))):
+        return doubt
+    # With a parameter for one number, if the others lower -2 log likelihood by 1 each, as by chance.
+    after = cure.after - (len(numbers) - 1) * (log(fit.df_resid + fit.params.size) - 1)
     falls = worth(fit) if fit.usable else {}
     others = [fall for key, fall in falls.items() if key[0] in ("shift", "drift")]
     alone = falls.get(("numbers",), -inf) > max(others, default=inf) + WORTH
@@ -222,11 +227,6 @@ def _of_step(fit: Estimates, numbers: Sequence[Number]) -> str:
         if dt and all(abs(off) < slack for off, slack in zip(logs, slacks, strict=True)):
             return f"look at the time step, which would be {dt * size:.4g} s and not {dt:.4g} s; otherwise "
     return ""
-
-
-def _named_alone(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> float:
-    """BIC with a parameter for one number, if the others lower -2 log likelihood by 1 each, as by chance."""
-    return cure.after - (len(numbers) - 1) * (log(fit.df_resid + fit.params.size) - 1)
 
 
 @kept

@@ -1,4 +1,4 @@
-"""Uneven samples too far apart for the integrals of a fit: its own simulation tells, which needs none."""
+"""Samples too far apart for the integrals of a fit: its own simulation tells, which needs none."""
 
 from __future__ import annotations
 
@@ -9,13 +9,20 @@ import numpy as np
 
 from ..base.cached import kept
 from ..errors import ModfunError
+from ..models.options import Options
+from .cures import again
 from .doubts import Doubt, rms
 from .estimates import Estimates
 
-__all__ = ["sparse"]
+__all__ = ["of_sums", "sparse"]
 
 LARGE = 3.0  # times the noise of the lines: below, estimates are rather off by their own errors
+ALIKE = 0.5  # of an estimate's distance, beyond which sums over samples have made it
 RARE = 0.01  # probability by F below which that is no scatter of few lines
+CURE = (
+    "Estimates are biased, and no standard error counts that. First take more samples where the outputs "
+    "move; for these few, fit simulations, as scipy.optimize.least_squares does."
+)
 
 
 @kept
@@ -46,8 +53,41 @@ def sparse(fit: Estimates) -> Doubt | None:
                 return Doubt(
                     f"The simulated {name} is {size:.3g} (rms) off its samples, {ratio:.2g} "
                     "times the noise on the lines: the signals move between samples, which are up to "
-                    f"{np.diff(rec.t).max():.3g} s apart, or the model is another. Estimates are biased, "
-                    "and no standard error counts that. First take more samples where the outputs move; for "
-                    "these few, fit simulations, as scipy.optimize.least_squares does."
+                    f"{np.diff(rec.t).max():.3g} s apart, or the model is another. {CURE}"
                 )
     return None
+
+
+def of_sums(
+    fit: Estimates, structure: Any, options: Options, name: str, off: float, seen: str
+) -> Doubt | None:
+    """That sums over samples make a number differ, as they do with simulated outputs, which have it as it is.
+
+    Parameters
+    ----------
+    fit : Estimates
+    structure, options
+        Of the fit with a parameter of this name for what the number lacks.
+    name : str
+    off : float
+        Its estimate.
+    seen : str
+        The number in words.
+    """
+    if not fit.usable or fit.exact_lines:
+        return None
+    records = fit.records or ()
+    try:
+        own = tuple(rec._like(y=cast(Any, fit).predict(rec).y, mask=None) for rec in records)
+    except ModfunError:
+        return None
+    other = again(fit, own, structure, options)
+    if other is None or not other.success:
+        return None
+    if not float(other.params[other.param_names.index(name)]) / off > ALIKE:
+        return None
+    step = max(float(np.diff(rec.t).max()) for rec in records)
+    return Doubt(
+        f"The signals move between samples, which are {step:.3g} s apart, so that sums over them err: "
+        f"{seen}, and a simulation with that number at the same instants differs alike. {CURE}"
+    )
