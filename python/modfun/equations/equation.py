@@ -219,6 +219,37 @@ class Equation(Written):
         """
         return model_of(self.compiled(), params, self)
 
+    def to_latex(self, numbers: Mapping[str, str] | None = None) -> str:
+        r"""The equations as LaTeX, as lines aligned at their equals signs.
+
+        Parameters
+        ----------
+        numbers : mapping of str to str, optional
+            What is written in the place of parameters. Default: their names, also where they are held.
+
+        Returns
+        -------
+        str
+
+        See Also
+        --------
+        modfun.Fit.to_latex : With the estimates in the place of parameters.
+
+        Examples
+        --------
+        >>> print(Equation("y'' + d*y' + a*y + b*y**3 = u").to_latex())
+        \begin{aligned}
+        \ddot{y} + a y + b y^{3} + d \dot{y} &= u
+        \end{aligned}
+        """
+        from .symbolic.latex import written
+
+        channels = (*self.outputs, *self.inputs, *self.hidden)
+        return written(self.texts, channels, numbers, [name for name, _ in self.varying])
+
+    def _repr_latex_(self) -> str:
+        return f"$${self.to_latex()}$$"
+
     def to_dict(self) -> dict[str, Any]:
         """The model as plain Python values, for `from_dict`.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import floor, isfinite, log10, pi, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
@@ -137,20 +137,16 @@ class TermSelection:
         -------
         str
         """
-        from ..equations.symbolic.candidates import latex_of
+        from ..equations.symbolic.latex import aligned, latex_of, rounded
 
-        names = self.equation.outputs, self.equation.inputs
-        numbers = [
-            f"{value:.{max(0, 1 - floor(log10(se)))}f}" if se > 0 and isfinite(se) else f"{value:.4g}"
-            for value, se in zip(self.fit.params, self.fit.bse, strict=True)
-        ]
-        at, rows = iter(numbers), []
+        names = (*self.equation.outputs, *self.equation.inputs)
+        at, rows = map(rounded, self.fit.params, self.fit.bse), []
         for left, terms in self.terms.items():
             side = " + ".join(
-                next(at) + ("" if term == "1" else rf"\,{latex_of(term, *names)}") for term in terms
+                next(at) + ("" if term == "1" else rf"\,{latex_of(term, names)}") for term in terms
             )
-            rows.append(f"{latex_of(left, *names)} &= {side.replace('+ -', '- ') or '0'}")
-        return "\\begin{aligned}\n" + " \\\\\n".join(rows) + "\n\\end{aligned}"
+            rows.append(f"{latex_of(left, names)} &= {side.replace('+ -', '- ') or '0'}")
+        return aligned(rows)
 
     def to_markdown(self) -> str:
         """The chosen equations as a block of mathematics, and the table of their fit, as Markdown.

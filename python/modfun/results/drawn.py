@@ -7,6 +7,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from ..base.tables import Table
+from ..equations.equation import Equation
 from ..records.record import Record
 from . import derived, drawing, drawing_lines, drawing_sheet
 from .estimates import Estimates
@@ -32,6 +33,29 @@ class Drawn(Estimates):
 
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.param_names)
+
+    def to_latex(self) -> str:
+        """The fitted equations with their estimates, or the fitted transfer functions, as LaTeX.
+
+        Numbers in equations have two significant digits of their standard error; those of transfer
+        functions and state spaces are written as the system `model` writes them.
+
+        Returns
+        -------
+        str
+            Mathematics without dollar signs.
+
+        See Also
+        --------
+        modfun.Equation.to_latex : With the names of parameters.
+        """
+        from ..equations.symbolic.latex import rounded
+
+        if not isinstance(self.structure, Equation):
+            return self.model._repr_latex_().strip("$")
+        numbers = {name: f"{value:.6g}" for name, value in self.structure.params if isinstance(value, float)}
+        fitted = zip(self.param_names, self.params, self.bse, strict=True)
+        return self.structure.to_latex(numbers | {name: rounded(value, se) for name, value, se in fitted})
 
     def bode(self, omega: ArrayLike | None = None) -> Table:
         """Magnitude in dB and phase in degrees of every path, with standard errors by the delta method.

@@ -1,21 +1,18 @@
-"""The terms of a model as texts, for a search among them, and texts as formulas of LaTeX."""
+"""The terms of a model as texts, for a search among them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import sympy
 
 from ...errors import SpecError
-from ...language.parser import expression
-from .compiled import Compiled, Term, jet
-from .jets import Jump, Moving, base, order
-from .meaning import meaning
+from .compiled import Compiled, Term
+from .jets import Jump, Moving
 from .words import said
 
-__all__ = ["Side", "latex_of", "sides_of"]
+__all__ = ["Side", "sides_of"]
 
 
 @dataclass(frozen=True)
@@ -70,14 +67,6 @@ def sides_of(compiled: Compiled, what: str) -> list[Side]:
     return found
 
 
-def latex_of(text: str, outputs: Sequence[str], inputs: Sequence[str]) -> str:
-    """A term or a left side as LaTeX, derivatives with dots."""
-    moving = Moving({*outputs, *inputs})
-    expr = meaning(expression(text, "term"), moving)
-    names = {s: _dotted(s) for s in expr.free_symbols if moving.is_channel(s)}
-    return str(sympy.latex(expr, symbol_names=names, order="none"))
-
-
 def _sign(free: Any) -> int:
     """Sign of a parameter by its bounds; 0 where they leave both."""
     if free is None:
@@ -111,10 +100,3 @@ def _said(expr: sympy.Expr) -> str:
     """An expression with six digits, or exactly where these are too few."""
     rounded = any(float(one) != float(f"{float(one):.6g}") for one in expr.atoms(sympy.Rational))
     return said(expr, exact=rounded)
-
-
-def _dotted(symbol: sympy.Symbol) -> str:
-    count, name = order(symbol), str(sympy.latex(jet(base(symbol))))
-    if count > 3:
-        return f"{name}^{{({count})}}"
-    return rf"\{'d' * count}ot{{{name}}}" if count else name
