@@ -178,14 +178,17 @@ def _of_group(
     """The change of a group that lowers BIC most, or what was found before."""
     before, options = bic_beside(fit, fit), on_band(fit, fit.band)
     best = found.after - CLOSE if found else before - WORTH
-    for words, structure, told in _worthwhile(fit, group):
+    afters, chosen = dict[Key, float](), Key()
+    for words, structure, key, told in _worthwhile(fit, group):
         if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
             break  # no powers where a linear term leaves the noise alone
         other = again(fit, fit.records, structure, options)
         if other is None or EXTRA in other.at_bound:
             continue
+        if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
+            continue
         extra = other[EXTRA] if EXTRA in other.param_names else nan  # of a delay that is a number none
-        after = bic_beside(other, fit)
+        after = afters[key] = bic_beside(other, fit)
         # Off the centre of gravity is a likelier place than a time off all the others.
         lever = moved is not None and moved is found and words.startswith(LEVER)
         bar = moved.after + CLOSE if moved and lever else best
@@ -193,25 +196,31 @@ def _of_group(
             continue
         if words.startswith("a delay") and _part_of_a_step(fit, other, extra):
             continue
-        if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
-            continue
-        found = Cure(words.replace("{}", f"{extra:.3g}"), before, after, level_p(other))
+        found, chosen = Cure(words.replace("{}", f"{extra:.3g}"), before, after, level_p(other)), key
         # Of twins in several equations the first is likelier.
         best = after - CLOSE * (isinstance(structure, Equation) and bool(worth(fit)))
+    # Powers, sines and the like bend alike over a small range.
+    same = [key for key in afters if key[:1] == ("term",) and key != chosen and key[:-1] == chosen[:-1]]
+    alike = [key[-1] for key in sorted(same, key=afters.__getitem__) if afters[key] < afters[chosen] + CLOSE]
+    if found and alike:
+        words = f"{found.words}, or in {' or '.join(alike)}, which the record hardly tells apart"
+        found = replace(found, words=words)
     return found
 
 
-def _worthwhile(fit: Estimates, group: Iterable[tuple[str, Any, Key]]) -> Iterator[tuple[str, Any, bool]]:
+def _worthwhile(
+    fit: Estimates, group: Iterable[tuple[str, Any, Key]]
+) -> Iterator[tuple[str, Any, Key, bool]]:
     """Changes of a group that a regression finds worth a fit, and then those of which it says nothing."""
     every, falls = list(group), worth(fit)
     best = sorted({falls[key] for _, _, key in every if key in falls}, reverse=True)[:MOST]
     least = max(best[-1], best[0] * NEAR, CLOSE) if best else inf
     for words, structure, key in every:
         if falls.get(key, -inf) >= least:
-            yield words, structure, True
+            yield words, structure, key, True
     for words, structure, key in every:
         if key not in falls:
-            yield words, structure, not falls
+            yield words, structure, key, not falls
 
 
 @kept
