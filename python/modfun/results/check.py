@@ -58,6 +58,7 @@ from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals,
 from .multiplied import multiplied
 from .offsets import is_all, mean, offset
 from .origin import LEAST_GAIN, origin, smaller_errors
+from .powers import not_linear
 from .runaway import runaway
 from .slow_inputs import slow_input
 from .sparse import sparse
@@ -380,8 +381,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
-    fed_back, coloured_load, eliminated, unexplained, one_cause, flips, unsettled, unstable, condition,
-    uncertain_poles, wandering, twin,
+    fed_back, coloured_load, eliminated, not_linear, unexplained, one_cause, flips, unsettled, unstable,
+    condition, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -435,6 +436,7 @@ def check(fit: Estimates, line: str) -> Findings:
             swapped,
             fed_back,
             eliminated,
+            not_linear,
         )
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []

@@ -23,7 +23,7 @@ from .estimates import Estimates
 from .linear_lines import output_lines
 from .origin import wide_band
 
-__all__ = ["driven", "one_cause"]
+__all__ = ["beside_turbulence", "driven", "one_cause"]
 
 GUST = "gust"  # name of the input that nobody measured
 POLES = 1 - np.logspace(-3, 0.1, 40)  # of noise of first order, a sample
@@ -44,8 +44,7 @@ def driven(fit: Estimates) -> Cure | None:
     """
     if fit.layout.rational or fit.options.noise != "output" or fit.again is None or not fit.records:
         return None
-    options = on_band(fit, wide_band(fit))
-    wide = _with(fit, fit.structure, options.replace(noise="process", method="ml"))
+    options, wide = on_band(fit, wide_band(fit)), beside_turbulence(fit)
     if wide is None:
         return None
     plain = again(fit, fit.records, fit.structure, options)
@@ -62,6 +61,13 @@ def driven(fit: Estimates) -> Cure | None:
     if followed is not None and not after < _of_sensors(followed, plain) - margin:
         return None
     return Cure(told, plain.bic, after, np.nan)
+
+
+@kept
+def beside_turbulence(fit: Estimates) -> Estimates | None:
+    """The fit with noise in each equation, over a wide band; None where it has no answer."""
+    options = on_band(fit, wide_band(fit)).replace(noise="process", method="ml")
+    return _with(fit, fit.structure, options)
 
 
 @kept

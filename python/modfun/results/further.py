@@ -19,7 +19,10 @@ from ..records.record import Record
 from .estimates import Estimates
 from .gradients import response_gradients
 
-__all__ = ["Explained", "event", "event_p", "fitted_lines", "further", "simulated", "stationary", "testable"]
+__all__ = [
+    "Explained", "Residual", "event", "event_p", "fitted_lines", "further", "simulated", "stationary",
+    "testable",
+]  # fmt: skip
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
 STEEPEST = 4.0  # slope of the noise's log power over log frequency that the test allows for
@@ -81,7 +84,7 @@ def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None], enough: 
     """All tests of one output."""
     y = fit.outputs[i]
     blocks = [_Block.of(fit, k, i, whole) for k, whole in enumerate(simulated)]
-    lines = _Residual.of(blocks, enough)
+    lines = Residual.of(blocks, enough)
     found = []
     for k, name in enumerate(fit.inputs):
         found.append(lines.response(name, [b.responses(k) for b in blocks]))
@@ -131,7 +134,7 @@ def fitted_lines(fit: Estimates, i: int) -> tuple[F64, F64, NDArray[np.intp]]:
 
     Between them orthonormal columns (part, column) that span what was fitted to the lines.
     """
-    one = _Residual.of([_Block.of(fit, k, i, None) for k in range(len(fitted(fit)))])
+    one = Residual.of([_Block.of(fit, k, i, None) for k in range(len(fitted(fit)))])
     return one.e, one.basis, one.ends
 
 
@@ -344,7 +347,7 @@ class _Tested(NamedTuple):
 
 
 @dataclass(frozen=True)
-class _Residual:
+class Residual:
     """The residual lines of one output over all records, real parts first, and what was fitted to them."""
 
     output: int
@@ -357,7 +360,7 @@ class _Residual:
     enough: float  # p-value in white noise above which the slope of the noise is not asked for
 
     @classmethod
-    def of(cls, blocks: Sequence[_Block], enough: float = 1.0) -> _Residual:
+    def of(cls, blocks: Sequence[_Block], enough: float = 1.0) -> Residual:
         ends = np.cumsum([0, *(2 * b.m.size for b in blocks)])
         nuisance = np.zeros((len(blocks[0].fitted) + sum(len(b.own) for b in blocks), ends[-1]))
         at = len(blocks[0].fitted)

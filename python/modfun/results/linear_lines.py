@@ -23,6 +23,7 @@ __all__ = [
     "linear_of",
     "lines_beside",
     "output_lines",
+    "signal_lines",
     "straight",
     "testable",
     "with_levers",
@@ -131,7 +132,7 @@ def columns_of(fit: Estimates, model: Linear, k: int, exact: bool) -> F64 | None
     Real parts of all outputs, line after line, then imaginary ones; None where the equations are singular.
     """
     outputs = len(fit.outputs)
-    v, p, turned, powers, shapes = _signal_lines(fit, model, k, exact)
+    v, p, turned, powers, shapes = signal_lines(fit, model, k, exact)
     own = [(j, channel) for j, channel in enumerate(model.of) if channel < outputs]
     noise_cov = fit.noise_cov
     if fit.record_levels is not None:
@@ -168,7 +169,7 @@ def output_lines(fit: Estimates) -> list[tuple[C128, C128]] | None:
     found = []
     for k in range(len(fit.lines) if model else 0):
         assert model is not None
-        v, p, _, powers, shapes = _signal_lines(fit, model, k, exact=True)
+        v, p, _, powers, shapes = signal_lines(fit, model, k, exact=True)
         e = model.weights[0] @ (powers[:, None] * v).reshape(-1, v.shape[1])
         try:
             inverse: Any = np.linalg.inv(p.transpose(2, 0, 1)).transpose(1, 2, 0)
@@ -203,7 +204,7 @@ def lines_beside(
     every = np.concatenate([model.weights, more.reshape(len(terms), *model.weights.shape[1:])])
     found = []
     for k in range(len(fit.lines)):
-        v, p, _, powers, shapes = _signal_lines(fit, model, k, exact=False)
+        v, p, _, powers, shapes = signal_lines(fit, model, k, exact=False)
         rows = every @ (powers[:, None] * v).reshape(-1, v.shape[1])
         try:
             inverse: Any = np.linalg.inv(p.transpose(2, 0, 1)).transpose(1, 2, 0)
@@ -228,7 +229,7 @@ def equation_lines(fit: Estimates) -> list[C128] | None:
         return None
     found = []
     for k in range(len(fit.lines)):
-        v, p, _, powers, shapes = _signal_lines(fit, model, k, exact=False)
+        v, p, _, powers, shapes = signal_lines(fit, model, k, exact=False)
         e = model.weights[0] @ (powers[:, None] * v).reshape(-1, v.shape[1])
         noise = np.sqrt(np.einsum("eol,o->el", np.abs(p) ** 2, levels**2) / fit.intervals[k])
         for row, (own, order) in enumerate(zip(noise, fit.layout.orders, strict=True)):
@@ -283,7 +284,7 @@ def _values(tape: tuple[Any, Sequence[int]], params: Sequence[float]) -> list[fl
     return [found[at] for at in results]
 
 
-def _signal_lines(
+def signal_lines(
     fit: Estimates, model: Linear, k: int, exact: bool
 ) -> tuple[C128, C128, list[Any], C128, C128]:
     """Signals (signal, line) of a record, P (equation, output, line), turns by delays, and `_powers`."""
