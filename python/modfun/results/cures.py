@@ -20,7 +20,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, LEVER, integrals, neighbours
+from .neighbours import EXTRA, LEVER, absurd, integrals, neighbours
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
@@ -192,7 +192,7 @@ def _of_group(
         # Off the centre of gravity is a likelier place than a time off all the others.
         lever = moved is not None and moved is found and words.startswith(LEVER)
         bar = moved.after + CLOSE if moved and lever else best
-        if not (isfinite(after) and after < bar) or _odd_time(fit, words, extra):
+        if not (isfinite(after) and after < bar) or _odd_time(fit, words, extra) or absurd(fit, key, extra):
             continue
         if words.startswith("a delay") and _part_of_a_step(fit, other, extra):
             continue

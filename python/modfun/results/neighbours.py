@@ -26,6 +26,7 @@ from .worth import Key
 __all__ = [
     "EXTRA",
     "LEVER",
+    "absurd",
     "integrals",
     "neighbours",
     "of_levers",
@@ -44,6 +45,7 @@ TURNS = 4 * math.pi  # rad: beyond, what is no angle is as likely
 ABOUT = 0.8  # a number that is nearly 1, as that of the yaw rate in the equation of sideslip
 FARTHEST = 3.0  # times what a score test finds of a lever
 SPIKE = 10.0  # times the mean fourth difference: a sample that stands out
+BEYOND = 1e3  # times the fastest change that the band has room for: no term of an equation is as large
 EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
 
@@ -62,6 +64,17 @@ def neighbours(fit: Estimates) -> tuple[Changed, ...]:
     if isinstance(model, StateSpace):
         return _instruments(fit, model), _entries(model)
     return chain(_shifts(fit, model), _offsets(model)), _terms(fit, model), _pairs(model)
+
+
+def absurd(fit: Estimates, key: Key, coefficient: float) -> bool:
+    """Whether a term with such a coefficient is far beyond all that an equation holds."""
+    found = re.fullmatch(r"(\w+)('*)(?:\*\*(\d))?", key[2]) if key[:1] == ("term",) else None
+    records, omega = fit.records or (), fit.band[1]
+    if found is None or found[1] not in (*fit.outputs, *fit.inputs):
+        return False
+    sizes = {x: max(float(np.ptp(rec[x])) for rec in records) for x in (found[1], *fit.outputs)}
+    term = abs(coefficient) * sizes[found[1]] ** int(found[3] or 1) * omega ** len(found[2])
+    return not term < BEYOND * max(sizes[y] for y in fit.outputs) * max(omega, 1.0) ** max(fit.layout.orders)
 
 
 def integrals(model: StateSpace) -> Iterator[tuple[str, StateSpace]]:

@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from ..base.arrays import C128
 from ..base.cached import kept
 from ..base.names import listed
 from ..errors import ModfunError
@@ -17,6 +18,7 @@ from .driven_equations import driven
 from .estimates import Estimates
 from .free_motion import settled_motion
 from .held_numbers import contradicted_numbers
+from .line_tests import correlation_of_lines
 from .linear_lines import equation_lines
 from .neighbours import with_offset
 from .offsets import with_constant
@@ -26,8 +28,13 @@ from .unnamed_inputs import missing_input
 __all__ = ["unforced", "unrecorded_input"]
 
 ABOVE = 3.0  # times the noise, from which residuals of an equation have a cause; of right models 0.7 to 1.3
+FOLLOWED = 0.01  # p-value of neighbouring lines below which noise inside may be something else
 HALF = 50.0  # per cent that a response follows: of motions that something else drives 0 to 30
 TOGETHER = 0.9  # correlation of equations that have one cause: 0.95 of a rudder, 0.7 of signs
+PIECE, GRID = 8, 256  # parts of a record over which power is taken, and of its samples for that
+RESTS = (
+    0.25  # median power of parts over the mean: of rudders 0.12 to 0.2, of 96 records of gusts 0.33 to 1.1
+)
 
 
 @kept
@@ -39,11 +46,12 @@ def unrecorded_input(fit: Estimates) -> Doubt | None:
     """
     if fit.again is None or fit.records is None or fit.layout.rational or len(fit.outputs) < 2:
         return None
-    if fit.options.noise != "output" or (fit.usable and not level_p(fit) < SURE):
+    inside = fit.options.noise == "process"
+    if not (inside or fit.options.noise == "output") or (fit.usable and not _suspect(fit, inside)):
         return None
     if fit.usable and noise_free(fit) is not None:
         return None
-    plain = again(fit, fit.records, fit.structure, fit.options.replace(method="ls"))
+    plain = again(fit, fit.records, fit.structure, fit.options.replace(method="ls", noise="output"))
     lines = equation_lines(plain) if plain is not None and plain.success else None
     if plain is None or lines is None:
         return None
@@ -55,17 +63,44 @@ def unrecorded_input(fit: Estimates) -> Doubt | None:
     r, pair = max(pairs, key=lambda one: abs(one[0]), default=(0.0, []))
     if not abs(r) > TOGETHER or missing_input(fit) or contradicted_numbers(fit):
         return None
-    if fit.usable and (driven(fit) is not None or ((cure := of_written(fit)) and cure.level_p > ENOUGH)):
+    rests = _rests(plain, [own[pair] / sizes[pair, None] for own in lines])
+    if not rests and (inside or (fit.usable and driven(fit) is not None)):
+        return None
+    if fit.usable and (cure := of_written(fit)) and cure.level_p > ENOUGH:
         return None
     look = "fit.plot_response()" if fit.usable else 'mf.fit(..., method="ls").plot_response()'
     lost = "" if fit.usable else ", so that the search ends without an estimate"
+    timed = " and rest most of the time, as no turbulence does" if rests else ""
     which = listed([str(k + 1) for k in pair])
     sized = listed([f"{sizes[k]:.3g}" for k in pair])
     return Doubt(
         f"The residuals of equations {which} are {sized} times what noise makes of them, and they go "
-        f"together (correlation {r:.2g}){lost}: an input that is not in the record seems to act, such as a "
-        f"rudder or a flap. First look when it acts, {look}, and add that input to the record."
+        f"together (correlation {r:.2g}){timed}{lost}: an input that is not in the record seems to act, "
+        f"such as a rudder or a flap. First look when it acts, {look}, and add that input to the record."
     )
+
+
+def _suspect(fit: Estimates, inside: bool) -> bool:
+    """Whether there is more than noise; of noise inside, whose lines are independent, by neighbours."""
+    if not inside:
+        return level_p(fit) < SURE
+    rows = range(len(fit.row_names))
+    return any(correlation_of_lines([own[i] for own in fit.pieces])[0].p_value < FOLLOWED for i in rows)
+
+
+def _rests(fit: Estimates, lines: list[C128]) -> bool:
+    """Whether the cause rests most of the time, as controls do and turbulence does not."""
+    found = []
+    for own, (low, _) in zip(lines, fit.lines, strict=True):
+        first = max(low, 1)
+        whole = np.zeros((len(own), max(GRID, 2 * (first + own.shape[1])) // 2 + 1), complex)
+        whole[:, first : first + own.shape[1]] = own
+        power = np.sum(np.fft.irfft(whole, axis=1) ** 2, axis=0)
+        count = power.size // PIECE
+        every = np.cumsum(np.concatenate([[0.0], power, power[:count]]))
+        found.append((every[count:] - every[:-count]) / count)
+    each = np.concatenate(found)
+    return bool(np.median(each) < RESTS * each.mean())
 
 
 @kept
