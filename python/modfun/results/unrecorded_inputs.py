@@ -66,7 +66,8 @@ def unrecorded_input(fit: Estimates) -> Doubt | None:
     rests = _rests(plain, [own[pair] / sizes[pair, None] for own in lines])
     if not rests and (inside or (fit.usable and driven(fit) is not None)):
         return None
-    if fit.usable and (cure := of_written(fit)) and cure.level_p > ENOUGH:
+    astray = rests and not fit.success  # cures next to such estimates took a minute
+    if fit.usable and not astray and (cure := of_written(fit)) and cure.level_p > ENOUGH:
         return None
     look = "fit.plot_response()" if fit.usable else 'mf.fit(..., method="ls").plot_response()'
     lost = "" if fit.usable else ", so that the search ends without an estimate"
