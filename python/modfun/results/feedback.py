@@ -115,8 +115,12 @@ def _led(fit: Estimates) -> dict[tuple[int, int], F64]:
 def _found(
     fit: Estimates, led: dict[tuple[int, int], F64], residuals: Callable[[Estimates, int], F64]
 ) -> Feedback | None:
-    """The likeliest way back, by residuals (output, interval) of a record; None where none is likely."""
+    """The likeliest way back, by residuals (output, interval) of a record; None where none is likely.
+
+    A pole on a line makes the response infinite there: such a record has no residuals.
+    """
     left = {k: residuals(fit, k) for k in {k for k, _ in led}}
+    led = {(k, j): past for (k, j), past in led.items() if np.isfinite(left[k]).all()}
     found = _likeliest(fit, led, left)
     return None if found is None else _biased(fit, led, found, [(k, e, None) for k, e in left.items()])
 
