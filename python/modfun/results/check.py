@@ -56,6 +56,7 @@ from .late_channels import late_channel
 from .levers import off_centre
 from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
 from .multiplied import multiplied
+from .noise_modes import noise_mode
 from .offsets import is_all, mean, offset
 from .origin import LEAST_GAIN, origin, smaller_errors
 from .powers import not_linear
@@ -382,7 +383,7 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
     fed_back, coloured_load, eliminated, not_linear, unexplained, one_cause, flips, unsettled, unstable,
-    condition, uncertain_poles, wandering, twin,
+    condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -459,5 +460,5 @@ def check(fit: Estimates, line: str) -> Findings:
         ]
         found += of_records(fit, [doubt.text for doubt in found if doubt])
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
-    note = of_stability(fit) or gain_of_start(fit) or note or ""
+    note = of_stability(fit) or gain_of_start(fit, warnings_of) or note or ""
     return Findings(title, [doubt.text for doubt in doubts], note=note)

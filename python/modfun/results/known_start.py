@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy as np
 from ..models.free import Free
 from ..records.periods import periods
 from ..records.steady import QUIET, standing
-from .cures import DRIFT, again, amplified, on_band, rewritten
+from .cures import DRIFT, again, amplified, furthest, on_band, rewritten
 from .diagnosis import growth
 from .known_drift import drifting
 
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 __all__ = ["contradicted_p", "gain_of_start", "off_zero"]
 
 LEAST_GAIN = 1.2  # of a standard error
+MOST_GAIN = 30.0  # the same: a start is worth up to ten times, and where it seems more a fit is of noise
+FURTHEST = 4.0  # standard errors of the fit: estimates further away are of another minimum
 AGREES = 0.05  # p-value
 ABOUT = 4.0  # standard errors, or samples if more, of a delay either side of its estimate
 OFF = 0.5  # of a channel's range: first samples that far from zero are levels of an operating point
@@ -86,8 +89,11 @@ def _beside_free(fit: Estimates) -> float:
     return min(1.0, 2 * min(p_level, float(fdtrc(squares.size, other.df_resid, np.mean(squares)))))
 
 
-def gain_of_start(fit: Estimates) -> str | None:
-    """That the records plainly begin at rest, or hold whole periods, where saying so would pay."""
+def gain_of_start(fit: Estimates, warnings: Callable[[Estimates], list[str]]) -> str | None:
+    """That the records plainly begin at rest, or hold whole periods, where saying so would pay.
+
+    Not where the fit that says so is in doubt: it has `warnings`, or estimates or errors of another minimum.
+    """
     options = fit.options
     asks = (options.initial_state, options.noise) == ("unknown", "output")
     asks = asks and options.method in ("ml", "awls")
@@ -113,12 +119,14 @@ def gain_of_start(fit: Estimates) -> str | None:
     if drift is not None:
         other, beside = drift[0], f", {DRIFT}"
     p = contradicted_p(other)
-    if not (other.success and p > AGREES):
+    if not (other.success and p > AGREES and furthest(other, fit)[3] < FURTHEST):
         return None
     own, theirs = np.diag(fit.cov_nonrobust), np.diag(other.cov_nonrobust)
     estimated = (own > 0) & (theirs > 0)  # where neither fit is on a bound
     gains = np.sqrt(own[estimated] / theirs[estimated])
-    if not np.max(gains, initial=0.0) >= LEAST_GAIN:
+    if not (np.min(gains, initial=1.0) >= 1 and LEAST_GAIN <= np.max(gains, initial=0.0) < MOST_GAIN):
+        return None
+    if warnings(other):
         return None
     return (
         f'{seen} (p = {p:.2g}): initial_state="{told}"{beside} makes the standard errors '
