@@ -57,6 +57,8 @@ def _fall(fit: Any, rec: Record) -> float:
         noise = rows[0] - _fitted(rows[1:], rows[0])
         before = np.array([noise[PAST - k : noise.size - k] for k in range(1, PAST + 1)])
         told = np.linalg.lstsq(before.T, noise[PAST:], rcond=None)[0]
+        if told.sum() < 0:  # which says that slow noise is weak, as residuals that were fitted seem by chance
+            told[:] = 0.0
         white = lfilter([1.0, *-told], [1.0], rows, axis=1)[:, PAST:]
         squares = [
             np.sum((white[0] - _fitted(columns, white[0])) ** 2) for columns in (white[1:-1], white[1:])

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..base.arrays import F64
 from ..models.free import Free
 from ..records.periods import periods
 from ..records.steady import QUIET, standing
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["contradicted_p", "gain_of_start", "off_zero"]
 
 LEAST_GAIN = 1.2  # of a standard error
+SAME = 0.95  # the same: errors that do not change
 MOST_GAIN = 30.0  # the same: a start is worth up to ten times, and where it seems more a fit is of noise
 FURTHEST = 4.0  # standard errors of the fit: estimates further away are of another minimum
 AGREES = 0.05  # p-value
@@ -121,17 +123,30 @@ def gain_of_start(fit: Estimates, warnings: Callable[[Estimates], list[str]]) ->
     p = contradicted_p(other)
     if not (other.success and p > AGREES and furthest(other, fit)[3] < FURTHEST):
         return None
-    own, theirs = np.diag(fit.cov_nonrobust), np.diag(other.cov_nonrobust)
-    estimated = (own > 0) & (theirs > 0)  # where neither fit is on a bound
-    gains = np.sqrt(own[estimated] / theirs[estimated])
-    if not (np.min(gains, initial=1.0) >= 1 and LEAST_GAIN <= np.max(gains, initial=0.0) < MOST_GAIN):
+    gains = _gains(fit, other)
+    if not (np.min(gains, initial=1.0) > SAME and LEAST_GAIN <= np.max(gains, initial=0.0) < MOST_GAIN):
         return None
     if warnings(other):
         return None
-    return (
+    text = (
         f'{seen} (p = {p:.2g}): initial_state="{told}"{beside} makes the standard errors '
-        f"{np.min(gains):.2g} to {np.max(gains):.2g} times smaller."
+        f"{max(np.min(gains), 1.0):.2g} to {np.max(gains):.2g} times smaller."
     )
+    if told == "rest" and not beside and fit.layout.rational and fit.trend == "constant":
+        # A drift within the noise is taken for gain: standard errors do not know of it.
+        safe = again(fit, fit.records, _near(fit), options.replace(trend="linear"))
+        if safe is not None and safe.success:
+            gain = np.max(_gains(fit, safe), initial=1.0)
+            text += f" Where the output may drift within the noise, add {DRIFT}: then up to {gain:.2g} times."
+    return text
+
+
+def _gains(fit: Estimates, other: Estimates) -> F64:
+    """Standard errors over those of another fit at one noise level, of what neither has on a bound."""
+    level = np.mean(other.noise_levels**2) / np.mean(fit.noise_levels**2)
+    own, theirs = level * np.diag(fit.cov_nonrobust), np.diag(other.cov_nonrobust)
+    estimated = (own > 0) & (theirs > 0)
+    return np.asarray(np.sqrt(own[estimated] / theirs[estimated]))
 
 
 def _near(fit: Estimates) -> Any:

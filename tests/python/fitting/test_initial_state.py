@@ -200,7 +200,7 @@ def test_the_start_is_tried_near_the_delay_that_was_found() -> None:
         tried.append((options.initial_state, structure.delay))
         return fit.again(records, structure, options)  # type: ignore[misc]
 
-    assert 'initial_state="rest" makes the standard errors' in str(replace(fit, again=again).check())
+    assert not replace(fit, again=again).check()
     bounds = [delay[0] for told, delay in tried if told == "rest"]
     assert len(bounds) == 1
     assert 0.0 < bounds[0].min < 0.2 < bounds[0].max < 0.4
@@ -304,8 +304,6 @@ def test_records_that_cannot_be_counted_are_refused() -> None:
         mf.fit(uneven, MODEL, initial_state="rest")
     with pytest.raises(mf.SpecError, match="masks"):
         mf.fit(rec.weigh(mask=rec.t > 0.1), MODEL, initial_state=[0.1, 0.0])
-    with pytest.raises(mf.SpecError, match="drift of the output"):
-        mf.fit(rec, MODEL, initial_state="rest", trend="linear")
     with pytest.raises(mf.DataError, match="input 'u' begins at 0 and ends at 1"):
         mf.fit(rec, MODEL, initial_state="periodic")
     free = mf.Record(y=np.exp(-rec.t) * np.cos(3 * rec.t), dt=rec.dt)
