@@ -27,6 +27,7 @@ from . import drawing
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 
+BOUNDLESS = ("overflows", "leaves all bounds")  # what simulations of unstable models say
 SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
 
 
@@ -39,7 +40,8 @@ class Comparison(Table):
     own band, and does not compare. `bic` is nan in every row where the fits are not of the same records and
     outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row of a
     model that cannot be fitted over that band, or has no parameters: a linear system was not fitted to this
-    record, so that no criterion of fits holds for it.
+    record, so that no criterion of fits holds for it. The scores of a model too unstable to be simulated over
+    the record are nan; `title` names it.
 
     Parameters
     ----------
@@ -78,23 +80,32 @@ class Comparison(Table):
         columns |= {score: [] for score in (*SCORES, "bic")}
         fitted = _fitted(fits)
         bics = dict(zip(fitted, _bics(list(fitted.values())), strict=True))
+        left = list[str]()
         for name, model in fits.items():
-            for row in (
-                model.score(record) if isinstance(model, Fit) else of_response(*_beside(name, fits, record))
-            ):
+            rows = _scores(name, fits, record)
+            if rows is None:
+                left.append(name)
+                rows = [{"output": output} for output in model.outputs or record.outputs]
+            for row in rows:
                 columns["model"].append(name)
                 columns["parameters"].append(model.params.size if isinstance(model, Fit) else 0)
-                for key in ("output", *SCORES):
-                    columns[key].append(row[key])
-                columns["bic"].append(bics.get(name, float("nan")))
-        super().__init__(columns, units=UNITS)
+                columns["output"].append(row["output"])
+                for score in SCORES:
+                    columns[score].append(row.get(score, np.nan))
+                columns["bic"].append(bics.get(name, np.nan))
+        span = f"over {record.duration:g} s"
+        title = f"Too unstable to be simulated {span}: {', '.join(map(repr, left))}." if left else None
+        super().__init__(columns, title, units=UNITS)
         object.__setattr__(self, "fits", fits)
         object.__setattr__(self, "record", record)
 
     def plot(self, *, ax: Any = None) -> Any:
         """Measured and simulated outputs; see `modfun.plot.comparison`."""
         simulated = {}
+        scored = self["model"][np.isfinite(self["theil"])]
         for name, model in self.fits.items():
+            if name not in scored:
+                continue
             if isinstance(model, Fit):
                 simulated[name] = model.predict(self.record)
             else:
@@ -104,6 +115,19 @@ class Comparison(Table):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Comparison, (self.fits, self.record)
+
+
+def _scores(name: str, models: Mapping[str, Fit | LTI], record: Record) -> list[dict[str, Any]] | None:
+    """The scores of a model's outputs; None where its response grows beyond all numbers."""
+    model = models[name]
+    try:
+        return list(
+            model.score(record) if isinstance(model, Fit) else of_response(*_beside(name, models, record))
+        )
+    except DataError as error:
+        if not any(words in str(error) for words in BOUNDLESS):
+            raise
+        return None
 
 
 def _fitted(models: Mapping[str, Fit | LTI]) -> dict[str, Fit]:

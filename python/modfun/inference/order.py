@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from math import inf, isfinite, log, nan, sqrt
+from math import inf, isfinite, log, nan
 from typing import Any, Unpack
 
 import numpy as np
@@ -36,7 +36,7 @@ from ..results.doubts import FINEST
 from ..results.fit import Fit
 from ..systems.polynomials import roots_of
 from . import drawing
-from .common import change_of_noise, contradicts, widest
+from .common import change_of_noise, levels, widest
 
 __all__ = ["OrderSelection", "select_order"]
 
@@ -53,8 +53,8 @@ class OrderSelection:
     Attributes
     ----------
     table : Table
-        One row per candidate, over the same real equations for all: poles, zeros, unknowns (parameters and
-        the transient coefficients that the order needs), cost, residual (root mean square of the weighted
+        One row per candidate, over the same lines for all: poles, zeros, unknowns (parameters and the
+        transient coefficients that the order needs), cost, residual (root mean square of the weighted
         residuals, in units of the output: the report's residual norm), chi2 and p_value (cost in units of
         the noise of the high band; the p-value counts the scatter of that level), aicc, bic,
         calibrated_bic, cancelling (standard errors between the pole and the zero that are nearest to
@@ -124,10 +124,11 @@ def select_order(
 
     All candidates are fitted with the same number of transient terms, that of the highest order, and on
     the same lines: the report's residuals differenced alike (section 4.10), so that their costs can be
-    compared. The criterion is cost/sigma**2 + k log N over the N real equations, k the number of
-    parameters and poles (each pole has its transient coefficient), sigma the noise level of the unused
-    high band and of the residuals of the largest candidate together, but no finer than a thousandth of
-    the output. Where these two contradict each other, as with filtered noise, the criterion is
+    compared. Where all inputs are held or straight between even samples each has its own number, as in
+    `fit`, and costs count per real equation. The criterion is cost/sigma**2 + k log N over N real equations,
+    k the number of parameters and poles (each pole has its transient coefficient), sigma the noise level of
+    the unused high band and of the residuals of the largest candidate together, but no finer than a
+    thousandth of the output. Where these two contradict each other, as with filtered noise, the criterion is
     N log(cost/N) + k log N.
 
     Parameters
@@ -307,7 +308,18 @@ class _Race:
 
     @cached_property
     def transient(self) -> int:
+        """The most transient terms of a candidate."""
         return max(fit.order for fit in self.fits)
+
+    @cached_property
+    def folded(self) -> bool:
+        """Whether the core takes what sampling folds of transients out of the sums.
+
+        Terms beyond the poles have no response that dies away along the lines: what they seemed to fold was
+        ten times the noise.
+        """
+        even = [rec.intersample for rec in self.records if rec.dt is not None]
+        return any([kinds and "smooth" not in kinds for kinds in even])
 
     def wide(self) -> tuple[float, float]:
         """The wide band of the default rule, in rad/s, that all records have."""
@@ -335,7 +347,7 @@ class _Race:
                 [rec.y.shape[1] for rec in self.records],
                 [rec.t if rec.dt is None else rec.dt for rec in self.records],
                 beside=core,
-                transient=self.transient,
+                transient=own.order if self.folded else self.transient,
                 **plain_words(own.layout, forms_of(self.records), options),
             )
             starts: list[F64] = [own.params] if np.all(np.isfinite(own.params)) else []
@@ -387,11 +399,13 @@ class _Judged:
         params = np.array([row["theta"].size for row in rows])
         self.count = params + np.array([row["fit"].order for row in rows])
         self.free = np.array([row["df_resid"] for row in rows])
-        self.n = n = int(self.free[0] + params[0])
-        self.high, self.sigma, self.notes = _levels(rows[-1], race.fits[-1], race.finest())
+        equations = self.free + params
+        self.n = n = int(equations.min())  # those of the highest order, whose transient takes the most
+        self.mean = self.cost / equations
+        self.high, self.sigma, self.notes = levels(rows[-1], race.fits[-1], race.finest())
         with np.errstate(divide="ignore", invalid="ignore"):
-            self.bic = n * np.log(self.cost / n) + self.count * log(n)
-            self.calibrated = self.cost / self.sigma**2 + self.count * log(n)
+            self.bic = n * np.log(self.mean) + self.count * log(n)
+            self.calibrated = n * self.mean / self.sigma**2 + self.count * log(n)
         self.criterion = "calibrated_bic" if isfinite(self.sigma) else "bic"
         self.score = np.where(self.usable, self.calibrated if isfinite(self.sigma) else self.bic, inf)
 
@@ -421,7 +435,7 @@ class _Judged:
         race, rows, n, best = self.race, self.rows, self.n, self.best
         with np.errstate(divide="ignore", invalid="ignore"):
             room, chi2 = n - self.count, self.cost / self.high**2
-            aicc = n * np.log(self.cost / n) + 2 * (self.count + 1) * n / np.maximum(room - 2, 1)
+            aicc = n * np.log(self.mean) + 2 * (self.count + 1) * n / np.maximum(room - 2, 1)
         pairs = [self.apart(k) for k in range(len(rows))]
         growths = [_growth(row) if row["usable"] else nan for row in rows]
         columns = {
@@ -429,7 +443,7 @@ class _Judged:
             "zeros": [s.zeros if race.records[0].inputs else None for s in race.structures],
             "unknowns": self.count.tolist(),
             "cost": self.cost.tolist(),
-            "residual": np.sqrt(self.cost / n).tolist(),
+            "residual": np.sqrt(self.mean).tolist(),
             "chi2": chi2.tolist(),
             "p_value": fdtrc(self.free, high_band_df(race.fits[-1]), chi2 / self.free).tolist(),
             "aicc": np.where(room > 2, aicc, nan).tolist(),
@@ -459,31 +473,6 @@ class _Judged:
 def _growth(row: dict[str, Any]) -> float:
     """Largest real part of the poles of a candidate, rad/s."""
     return float(np.max(roots_of(row["fit"].layout.polynomials(row["theta"])[0]).real))
-
-
-def _levels(last: dict[str, Any], largest: Fit, finest: float) -> tuple[float, float, tuple[str, ...]]:
-    """Noise level of the high band; the same pooled with the largest candidate's, nan where they disagree."""
-    high = largest.high_band_sigma
-    if last["usable"] and last["sigma"] < finest:
-        text = (
-            f"The residuals of the largest candidate, {last['sigma']:.3g}, are finer than a thousandth of "
-            f"the output and may be errors of the quadrature: candidates count as equal down to {finest:.3g}."
-        )
-        return high, finest, (text,)
-    if not high > 0:
-        return nan, nan, ("No empty high band tells the noise level: the criterion is BIC.",)
-    if not last["usable"]:
-        return high, high, ("The noise level is that of the high band.",)
-    free, df = high_band_df(largest), last["df_resid"]
-    if contradicts((last["sigma"] / high) ** 2, df, free):
-        text = (
-            f"The high band says a noise level of {high:.3g}, the residuals of the largest candidate "
-            f"{last['sigma']:.3g}: the noise is not white, or no candidate is large enough. "
-            "The criterion is BIC, and orders tend to be too high where the noise is coloured."
-        )
-        return high, nan, (text,)
-    pooled = sqrt((df * last["sigma"] ** 2 + free * high**2) / (df + free))
-    return high, pooled, (f"Noise level {pooled:.3g}, of the high band and the residuals together.",)
 
 
 def _chosen(structure: TransferFunction, best: int, score: F64, criterion: str, n: int) -> str:

@@ -44,6 +44,22 @@ def test_without_a_record_the_common_one_is_taken(fits):
         mf.compare([fits[1].without_samples()])
 
 
+def test_models_that_run_away_have_rows_without_scores(fits):
+    """One had ended the whole comparison in a DataError."""
+    wild = mf.tf([1], [1, -3000])
+    table = mf.compare({"two": fits[1], "wild": wild})
+    assert table["model"].tolist() == ["two", "wild"]
+    assert table.title == "Too unstable to be simulated over 10 s: 'wild'."
+    assert np.isnan([table[score][1] for score in ("signal_to_error", "fit_percent", "r2", "theil")]).all()
+    assert table["fit_percent"][0] == mf.compare([fits[1]])["fit_percent"][0] > 80
+    assert pickle.loads(pickle.dumps(table)) == table
+    labels = table.plot().get_legend_handles_labels()[1]
+    assert [label.split(":")[0] for label in labels] == ["y measured", "two"]
+    assert mf.compare([fits[1]]).title is None
+    with pytest.raises(mf.DataError, match="outputs"):
+        mf.compare([fits[1]], mf.Record(y=record(0).y, u=record(0).u, dt=0.04, outputs="q"))
+
+
 def test_the_criteria_of_a_fit_name_the_comparison(fits):
     """Fits of one and two poles have bands of their own, so that their own BIC do not compare."""
     one, two = fits
