@@ -14,7 +14,7 @@ from ..equations.matrices import state_of
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
-from .cures import ENOUGH, again, likely_cure, on_band
+from .cures import ENOUGH, again, convincing, likely_cure, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt, clipped, joined, noise_free
 from .driven_equations import beside_turbulence
@@ -53,8 +53,7 @@ def not_linear(fit: Estimates) -> Doubt | None:
     other = _with_powers(base, found)
     if other is None or not other.bic < base.bic - PAYS:
         return None
-    cure = likely_cure(fit)
-    if cure is not None and cure.level_p > ENOUGH:
+    if _cured(fit):
         return None
     x, state = found.channel, _states(base).get(found.equation)
     of = f"equation {found.equation + 1}" if state is None else f"{state}'"
@@ -75,10 +74,16 @@ def _with_noise_inside(fit: Estimates) -> Estimates | None:
     if noise == "process":
         return fit if fit.process_levels is not None else None
     if noise == "output":  # of one equation all terms are tried, and the one that is missing is named
-        beyond = len(fit.outputs) > 1 and level_p(fit) < SURE and noise_free(fit) is None
+        beyond = len(fit.outputs) > 1 and level_p(fit) < SURE and noise_free(fit) is None and not _cured(fit)
     else:
         beyond = noise == "coloured" and _above(fit)
     return beside_turbulence(fit) if beyond and linear_of(fit) is not None else None
+
+
+def _cured(fit: Estimates) -> bool:
+    """Whether a linear change leaves the noise alone."""
+    cure = likely_cure(fit)
+    return cure is not None and (cure.level_p > ENOUGH or convincing(fit, cure))
 
 
 def _above(fit: Estimates) -> bool:

@@ -32,9 +32,7 @@ FOLLOWED = 0.01  # p-value of neighbouring lines below which noise inside may be
 HALF = 50.0  # per cent that a response follows: of motions that something else drives 0 to 30
 TOGETHER = 0.9  # correlation of equations that have one cause: 0.95 of a rudder, 0.7 of signs
 PIECE, GRID = 8, 256  # parts of a record over which power is taken, and of its samples for that
-RESTS = (
-    0.25  # median power of parts over the mean: of rudders 0.12 to 0.2, of 96 records of gusts 0.33 to 1.1
-)
+RESTS = 0.25  # median power of parts over the mean: of rudders 0.12 to 0.2, of gusts 0.33 to 1.1
 
 
 @kept
