@@ -99,7 +99,8 @@ def counts_start(structure: Any, options: Options, data: Batch | Sequence[Record
         return False
     first = data if isinstance(data, Batch) else data[0]
     layout = structure.layout(first.outputs, first.inputs)
-    drifts = options.initial_state != "periodic" and options.fitted_trend == "linear"
+    told = options.initial_state
+    drifts = isinstance(told, str) and told in ("rest", "zero") and options.fitted_trend == "linear"
     plain = layout.plain and not drifts and not _jumps_late(layout, options, data)
     return plain and options.plain_noise and (isinstance(data, Batch) or _even(options, data))
 

@@ -255,8 +255,8 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 
 def saturated(fit: Estimates) -> Doubt | None:
-    """That an output sits at an extreme, where residuals leave no doubt that there is more than noise."""
-    return clipped(fit) if level_p(fit) < SURE else None
+    """That an output sits at an extreme, where residuals of equations leave no doubt of more than noise."""
+    return clipped(fit) if not fit.layout.rational and level_p(fit) < SURE else None
 
 
 @kept

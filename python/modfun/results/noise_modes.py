@@ -21,6 +21,7 @@ NARROW = 1.0  # lines of the record: half-power width of a mode that follows one
 LOWEST = 1.5  # lines: a mode below is part of how the record moves as a whole
 STRONG = 20.0  # times the noise: the output at the mode's frequency, of a mode that everybody sees
 CHANCE = 0.01  # that the best of as many lines of noise explains as much: above, fewer poles do as well
+CHUNK = 2**16  # samples at once, of records that fill the memory
 KEPT = 0.5  # lines between a mode and one of the fit with fewer poles: that is the same mode
 
 
@@ -61,12 +62,17 @@ def _power(fit: Estimates, k: int, mode: Mode) -> float:
     """Power of the outputs at the mode's frequency over that of their noise, in a Hann window."""
     assert fit.records is not None
     rec, own = fit.records[k], slice(None) if fit.layout.common else slice(mode.output, mode.output + 1)
-    y, t = rec.y[own], rec.t - rec.t[0]
-    window = 1 - np.cos(2 * pi * t / t[-1])
-    wave = window * np.exp(-1j * mode.pole.imag * t)
-    found = np.abs(y @ wave - (y @ window) * (wave.sum() / window.sum())) ** 2
+    sums: list[Any] = [0.0] * 5
+    for first in range(0, rec.t.size, CHUNK):
+        y, t = rec.y[own, first : first + CHUNK], rec.t[first : first + CHUNK] - rec.t[0]
+        window = 1 - np.cos(2 * pi * t / rec.duration)
+        wave = window * np.exp(-1j * mode.pole.imag * t)
+        here = (y @ wave, y @ window, wave.sum(), window.sum(), window @ window)
+        sums = [total + one for total, one in zip(sums, here, strict=True)]
+    of_wave, of_window, wave_sum, window_sum, square = sums
+    found = np.abs(of_wave - of_window * (wave_sum / window_sum)) ** 2
     with np.errstate(divide="ignore"):
-        return float(np.max(found / (window @ window * fit.noise_levels[k, own] ** 2)))
+        return float(np.max(found / (square * fit.noise_levels[k, own] ** 2)))
 
 
 def _fewer(fit: Estimates, mode: Mode) -> Iterator[tuple[Estimates, int]]:

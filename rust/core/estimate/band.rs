@@ -59,8 +59,10 @@ pub(crate) struct Choice {
     pub theta: Option<Vec<f64>>,
 }
 
-/// Real equations that are left for the noise: with one, intervals of 95 % held the truth in 79 to 88 %.
+/// Real equations that are left for the noise: with one, intervals of 95 % held the truth in 79 to 88 %. Of how few
+/// intervals: of more, orders that leave none are beyond the record.
 const OF_NOISE: usize = 3;
+const FEW: usize = 32;
 
 /// Steps that a way to the right minimum takes at most, unless noise is large: a longer one may lead astray.
 pub(crate) const MANY: u32 = 10;
@@ -96,7 +98,9 @@ pub(crate) fn default_lines(
     if intervals < all {
         wide = wide.max((unknowns + order).min(all / 4));
     }
-    wide = wide.max((unknowns + order + OF_NOISE).div_ceil(2).min(intervals / 3));
+    if intervals < FEW {
+        wide = wide.max((unknowns + order + OF_NOISE).div_ceil(2).min(intervals / 3));
+    }
     match method {
         Method::Ls | Method::Wls => {
             let only = narrow.min(wide.max(intervals / 2));

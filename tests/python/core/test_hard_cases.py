@@ -197,7 +197,9 @@ def test_short_records_give_an_answer_or_a_status(intervals):
     record = eq24(intervals, (1.0, 0.5))
     for harmonics in (None, 3, intervals // 2 - 2):
         lines_used = 1 + (
-            max(intervals // 8, min(intervals // 4, 16)) if harmonics is None else harmonics + 2
+            max(intervals // 8, min(intervals // 4, 16), min(intervals // 3, 4))
+            if harmonics is None
+            else harmonics + 2
         )
         if 2 * lines_used - 1 <= 5:
             with pytest.raises(DataError, match="equations for 5 unknowns"):

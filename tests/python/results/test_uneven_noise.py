@@ -169,7 +169,7 @@ def test_no_sample_is_taken_out_of_noise_that_changes() -> None:
 def test_masks_given_levels_and_short_records_are_not_asked() -> None:
     rec = CLEAN.assign(y=CLEAN["y"] + 0.05 * STEP * np.random.default_rng(3).standard_normal(CLEAN.t.size))
     assert uneven(mf.fit(rec.weigh(sigma=STEP), TWO)) is None
-    with pytest.warns(mf.ModfunWarning, match="is uncertain"):  # by so few lines
+    with pytest.warns(mf.ModfunWarning, match="explains no more than noise does"):  # few lines
         assert uneven(mf.Estimator(TWO)(rec.window(0.0, 2.0))) is None
     two = mf.fit([rec.window(0.0, 5.5), rec.window(5.6, 10.0)], TWO, trend=None)
     found = uneven(two)
