@@ -20,8 +20,8 @@ from .estimates import Estimates
 from .gradients import response_gradients
 
 __all__ = [
-    "Explained", "Residual", "event", "event_p", "fitted_lines", "further", "simulated", "stationary",
-    "testable",
+    "Explained", "Residual", "basis_of", "event", "event_p", "fitted_lines", "further", "simulated",
+    "stationary", "testable",
 ]  # fmt: skip
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
@@ -372,7 +372,7 @@ class Residual:
         x = np.concatenate([np.tile(np.log(b.m + 1.0), 2) for b in blocks])
         driven = np.concatenate([np.tile(np.abs(b.over / b.deviation) ** 2, 2) for b in blocks])
         driven /= driven.mean()
-        return cls(blocks[0].output, nuisance, e, x, driven, ends, _basis(nuisance), enough)
+        return cls(blocks[0].output, nuisance, e, x, driven, ends, basis_of(nuisance), enough)
 
     def response(self, channel: str, columns: Sequence[C128]) -> Explained:
         """The likelier of any further response and of more delay alone, which is missing most often."""
@@ -403,7 +403,7 @@ class Residual:
         """The test with rows so weighted, by `more` numbers of residuals; None where nothing is left."""
         from scipy.special import fdtrc
 
-        basis = _basis(self.nuisance * weight) if more else self.basis
+        basis = basis_of(self.nuisance * weight) if more else self.basis
         new = tested * weight
         size = np.linalg.norm(new, axis=1)
         new = (new - (new @ basis) @ basis.T)[size > 0] / size[size > 0, None]
@@ -456,7 +456,7 @@ class Residual:
         return np.concatenate([np.tile(half, 2) for half in halves])
 
 
-def _basis(rows: F64) -> F64:
+def basis_of(rows: F64) -> F64:
     """Orthonormal columns that span the rows."""
     size = np.linalg.norm(rows, axis=1)
     kept: Any = rows[size > 0] / size[size > 0, None]

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..records.mask import sample_weights
 from ..records.record import Record
 from .cures import WORTH, again, on_band
 from .diagnosis import growth
 from .estimates import Estimates
+from .further import basis_of
 
 __all__ = ["drifting"]
 
@@ -20,6 +22,7 @@ PART = 0.3  # of a standard error: steps of differences
 PAST = 4  # samples from which the noise of the next is foretold
 
 
+@kept
 def drifting(fit: Estimates) -> tuple[Estimates, float] | None:
     """The fit with a drift and by how much BIC falls, where the start is known and the samples want one."""
     told = fit.options.initial_state
@@ -69,6 +72,5 @@ def _fall(fit: Any, rec: Record) -> float:
 
 
 def _fitted(columns: F64, values: F64) -> F64:
-    sizes = np.linalg.norm(columns, axis=1)  # those of parameters of other outputs are 0
-    basis, _ = np.linalg.qr(columns[sizes > 0].T / sizes[sizes > 0])
+    basis = basis_of(columns)  # of those that are not 0, as of parameters of other outputs
     return np.asarray(basis @ (basis.T @ values))
