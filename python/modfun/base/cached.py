@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 __all__ = ["cached_property", "kept"]
 
-Asked = TypeVar("Asked", bound=Callable[[Any], Any])
+Asked = TypeVar("Asked", bound=Callable[..., Any])
 
 if TYPE_CHECKING or sys.version_info >= (3, 12):
     cached_property = functools.cached_property
@@ -33,14 +33,17 @@ else:
 
 
 def kept(question: Asked) -> Asked:
-    """A function of one object that is computed once: its answer stays with the object."""
+    """A function of one object that is computed once: its answer stays with the object.
+
+    Once for each choice of what it is asked beside.
+    """
     name = f"_{question.__module__}.{question.__name__}"
 
     @functools.wraps(question)
-    def answer(of: Any) -> Any:
-        own = of.__dict__
-        if name not in own:
-            own[name] = question(of)
-        return own[name]
+    def answer(of: Any, *beside: Any) -> Any:
+        own, key = of.__dict__, (name, *beside) if beside else name
+        if key not in own:
+            own[key] = question(of, *beside)
+        return own[key]
 
     return answer  # type: ignore[return-value]

@@ -8,6 +8,8 @@ import numpy as np
 
 from .._core import corners
 from ..base.arrays import F64
+from ..base.cached import kept
+from ..base.samples import frozen
 from .batches import Batch
 from .functions import known, summable
 from .record import Record
@@ -46,8 +48,10 @@ def driving(rec: Batch | Record, rule: str = "gregory") -> F64:
     """
     if rec.dt is None:
         return rec.u
-    if isinstance(rec, Batch) or not rec.functions:
+    if isinstance(rec, Batch):
         return without_corners(rec.u, rec.intersample)
+    if not rec.functions:
+        return _smooth(rec)
     sources = known(rec)
     kinds = [kind if source is None else "" for kind, source in zip(rec.intersample, sources, strict=True)]
     u = without_corners(rec.u, kinds).copy()
@@ -55,3 +59,9 @@ def driving(rec: Batch | Record, rule: str = "gregory") -> F64:
         if source is not None:
             row[:] = summable(source, rec.t, rec.dt, rule)
     return u
+
+
+@kept
+def _smooth(rec: Record) -> F64:
+    """The inputs of a record in even steps, known by samples."""
+    return frozen(without_corners(rec.u, rec.intersample))

@@ -139,7 +139,7 @@ class Record(Samples):
     4.0
     """
 
-    __slots__ = ()
+    __slots__ = ("__dict__",)  # answers about the samples, which fits ask for again
 
     def __init__(
         self,

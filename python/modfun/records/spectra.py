@@ -7,17 +7,24 @@ import numpy as np
 from .._core import noise_level
 from ..base.arguments import whole
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..base.samples import frozen
 from ..base.tables import Table
 from ..signals.spectrum import Spectrum
 from .samples import Samples
 
-__all__ = ["noise_table", "spectrum_of"]
+__all__ = ["high_band_level", "noise_table", "spectrum_of"]
 
 NEIGHBOURS = (2, 3)  # on each side of a sample; what is smaller holds less of a fast signal
 MEDIAN = 0.4549364231195727  # of chi-square with one degree of freedom
 LARGE, CLIPPED = 9.0, 0.99501  # beyond which one counts no more, and its mean then
 ENOUGH = 20_000  # samples that are looked at
+
+
+@kept
+def high_band_level(record: Samples, first: int, order: int) -> F64:
+    """Noise level of each output in the high band of its samples, from one of them on."""
+    return noise_level(np.ascontiguousarray(record.y[:, first:]), order)
 
 
 def spectrum_of(record: Samples) -> Spectrum:

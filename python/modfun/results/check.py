@@ -392,13 +392,14 @@ def warnings_of(fit: Estimates, looks: tuple[Callable[[Estimates], Doubt | None]
     if not fit.usable:
         return [f"fit: {_failed(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
-        found = (_answer(look, fit) for look in looks)
+        whole = stand_in(fit)
+        found = (look(_seen(look, fit, whole)) for look in looks)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
 
 
-def _answer(look: Callable[[Estimates], Doubt | None], fit: Estimates) -> Doubt | None:
-    """What a look finds where masked samples are filled; what a historian stored is seen without these."""
-    return look(fit if look is stored_late else stand_in(fit))
+def _seen(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Estimates) -> Estimates:
+    """The fit with masked samples filled; what a historian stored is seen without these."""
+    return fit if look is stored_late else whole
 
 
 def is_quick(fit: Estimates) -> bool:
@@ -414,7 +415,7 @@ def check(fit: Estimates, line: str) -> Findings:
         return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
         whole = stand_in(fit)
-        said = {look: _answer(look, fit) for look in LOOKS if look is not unexplained}
+        said = {look: look(_seen(look, fit, whole)) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         found = list(said.values())
@@ -451,7 +452,7 @@ def check(fit: Estimates, line: str) -> Findings:
             found += [of_tone(whole), *residual, None if named else of_drift(whole)]
             found += [of_colour(whole, d), (None if sure else multiplied(whole)) or of_time(whole)]
         found += [
-            None if said[wandering] else _answer(undeclared, fit),
+            None if said[wandering] else undeclared(whole),
             biased(fit),
             minima(fit),
             few_samples(fit),

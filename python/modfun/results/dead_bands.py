@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..records.check import dropped_samples, frozen_samples
 from ..records.dead_band import dead_band
 from ..records.mask import Mask
@@ -29,7 +30,7 @@ def stored_late(fit: Estimates) -> Doubt | None:
     """That an output keeps its value until it has changed by a dead band."""
     for k, rec in enumerate(fit.records or ()):
         for i, name in enumerate(rec.outputs):
-            if width := dead_band(_counting(rec, name)):
+            if width := _width(rec, name):
                 where = f" of record {k}" if k else ""
                 good = "" if rec.mask is None else f" & rec.mask[{i}]"
                 return Doubt(
@@ -67,16 +68,17 @@ def _curved(rec: Record) -> Record:
 
     found = {}
     for name in rec.outputs:
-        if width := dead_band(_counting(rec, name)):
+        if width := _width(rec, name):
             k = _stored(rec[name], rec._good(name))
             curve = CubicSpline(rec.t[k], rec[name][k])(rec.t)
             found[name] = np.clip(curve, rec[name] - width, rec[name] + width)
     return rec.assign(**found)
 
 
-def _counting(rec: Record, name: str) -> F64:
-    """The samples that count, no copy where all do."""
-    return rec[name] if rec.mask is None else rec[name][rec._good(name)]
+@kept
+def _width(rec: Record, name: str) -> float:
+    """The dead band of a channel, by the samples that count."""
+    return dead_band(rec[name] if rec.mask is None else rec[name][rec._good(name)])
 
 
 def _stored(values: F64, good: Mask) -> Mask:
@@ -95,6 +97,7 @@ def stands_still(fit: Estimates) -> Doubt | None:
     return None
 
 
+@kept
 def _standing(rec: Record) -> str:
     """The first channel that stands still and should not, in words; nothing where all move."""
     of_outputs: tuple[Look, ...] = (slow_samples, frozen_samples)

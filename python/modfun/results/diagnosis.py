@@ -10,6 +10,7 @@ from math import comb, inf, isfinite, nan
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..models.noise import Noise
 from ..systems.polynomials import roots_of
 from .estimates import Estimates
@@ -101,6 +102,7 @@ def level_ratio(fit: Estimates) -> float:
         return float(np.sqrt(np.divide(fit.chi2, fit.df_resid)))
 
 
+@kept
 def level_p(fit: Estimates) -> float:
     """Probability of a chi-square as large as the fit's if the model is right; nan where there is none.
 

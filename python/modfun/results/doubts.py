@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.cached import kept
 from ..base.names import listed
 from ..language.parser import Node
 from ..records.check import bad_samples, mixed_angles, remarks_for_fits
+from ..records.record import Record
 from ..records.spectra import spectrum_of
 from .cures import amplified
 from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
@@ -424,9 +426,15 @@ def coded(fit: Estimates) -> Doubt | None:
 def of_samples(fit: Estimates, *, codes_only: bool = False) -> Doubt | None:
     """The first code, or else dropouts or outlying samples, of the records."""
     for k, rec in enumerate(fit.records or ()):
-        for text in bad_samples(rec, codes_only=codes_only):
+        if text := _first(rec, codes_only):
             return Doubt(text if len(fit.records or ()) == 1 else f"Record {k}: {text}")
     return None
+
+
+@kept
+def _first(rec: Record, codes_only: bool) -> str:
+    """The first of a record, in words."""
+    return next(bad_samples(rec, codes_only=codes_only), "")
 
 
 def clipped(fit: Estimates) -> Doubt | None:

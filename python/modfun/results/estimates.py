@@ -9,7 +9,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from .._core import noise_level
 from ..base.arguments import whole
 from ..base.arrays import C128, F64, geometric_mean
 from ..base.between import MIXED
@@ -28,6 +27,7 @@ from ..models.transfer_function import system_of
 from ..records.conversion import agreeing
 from ..records.forms import forms_of, functions_alone, in_common
 from ..records.record import Record
+from ..records.spectra import high_band_level
 from ..systems.lti import LTI
 from ..systems.making import named, ss
 from ..systems.polynomials import companion
@@ -254,9 +254,9 @@ class Estimates(Elsewhere):
             if few or rec.dt is None or rec.mask is not None or rec.sigma is not None:
                 return np.full(len(self.outputs), np.nan)
             # The response to held inputs has kinks, and so power at all frequencies.
-            held = self.usable and not {"zoh", "foh"}.isdisjoint(rec.intersample)
-            y = prediction.unexplained(self, rec) if held else rec.y
-            levels.append(noise_level(np.ascontiguousarray(y[:, rec.intervals - intervals :]), order))
+            if self.usable and not {"zoh", "foh"}.isdisjoint(rec.intersample):
+                rec = rec._like(y=prediction.unexplained(self, rec))
+            levels.append(high_band_level(rec, rec.intervals - intervals, order))
         return geometric_mean(levels, self.rows) if levels else np.full(len(self.outputs), np.nan)
 
     @property

@@ -43,9 +43,10 @@ def flips(fit: Estimates) -> Doubt | None:
     Noise moves the instants of jumps, and samples see these up to half an interval off; where dry friction
     holds a state, its sign is that of noise alone. Errors of HC3 do not count it either.
     """
-    if fit.noise_levels.shape[1:] != (len(fit.outputs),):
+    signs = _signs(fit)
+    if not signs or fit.noise_levels.shape[1:] != (len(fit.outputs),):
         return None
-    names = [name for name in _signs(fit) if _flips(fit, name)]
+    names = [name for name in signs if _flips(fit, name)]
     if not names:
         return None
     name = names[0]
@@ -53,7 +54,7 @@ def flips(fit: Estimates) -> Doubt | None:
         f"sign({name}) takes the sign of noise where {name} goes through zero, which standard errors do not "
         "count: they may be several times too small. First try output error, which integrates the equations, "
         "mf.rivals.output_error(fit.structure, start=dict(zip(fit.param_names, fit.params))).solve(rec).",
-        sure=any(_matters(fit, own) for own in _signs(fit)[name]),
+        sure=any(_matters(fit, own) for own in signs[name]),
     )
 
 

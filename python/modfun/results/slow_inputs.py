@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ..base.between import form_of
+from ..base.cached import kept
 from ..records.record import Record
 from ..records.slower import held, ordinal
 from .cures import again, bic_beside, on_band, otherwise
@@ -28,6 +29,7 @@ def slow_input(fit: Estimates) -> Doubt | None:
     return None
 
 
+@kept
 def _grid(rec: Record, channel: int) -> tuple[int, int]:
     """How many samples lie from one new value of an input to the next, and the first."""
     name = rec.inputs[channel]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import copysign, sqrt
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -86,11 +88,21 @@ def root_slopes(p: F64) -> tuple[C128, C128]:
     """Roots r by increasing modulus and their derivatives (root, coefficient), −r^k/p'(r) to that of s^k."""
     found, q, w = _scaled_roots(p)
     found = by_modulus(found)
-    degrees = np.arange(p.size - 1.0, -1.0, -1.0)
-    powers = (found / w)[:, None] ** degrees
+    scale = w ** np.arange(p.size + 1.0 - q.size, 1.0 - q.size, -1.0) / strip(p)[0]
+    each = [_powers(r, p.size) for r in (found / w).tolist()]
+    rising = [k * c for k, c in enumerate(q[::-1].tolist())]
+    steepness = [-sum(map(mul, rising[1:], powers)) for powers in each]
     with np.errstate(divide="ignore", invalid="ignore"):  # repeated roots have no derivatives
-        steepness = powers[:, p.size - q.size + 1 :] @ (q[:-1] * degrees[p.size - q.size : -1])
-        return found, -powers / steepness[:, None] * w ** (degrees + 2 - q.size) / strip(p)[0]
+        slopes = np.array(each).reshape(-1, p.size) / np.array(steepness)[:, None]
+    return found, slopes[:, ::-1] * scale
+
+
+def _powers(x: complex, count: int) -> list[complex]:
+    """The first powers of a number, from 1 on: of few, plain numbers are fastest."""
+    found = [1.0 + 0j]
+    for _ in range(count - 1):
+        found.append(found[-1] * x)
+    return found
 
 
 def _scaled_roots(p: F64) -> tuple[C128, F64, float]:
@@ -103,9 +115,21 @@ def _scaled_roots(p: F64) -> tuple[C128, F64, float]:
     q = q * w ** -np.arange(float(q.size))
     if q[-1] == 0:
         return np.asarray(np.roots(q) * w, dtype=np.complex128), q, w
+    if q.size == 3:
+        return _of_square(*q[1:].tolist()) * w, q, w
     matrix = np.eye(q.size - 1, k=-1)  # as np.roots has it, at half its time
     matrix[0] = -q[1:]
     return np.asarray(np.linalg.eigvals(matrix) * w, dtype=np.complex128), q, w
+
+
+def _of_square(b: float, c: float) -> C128:
+    """Roots of s² + b s + c, c not 0: of real ones the smaller by their product, which rounds less."""
+    inside = b * b / 4 - c
+    if inside < 0:
+        half = sqrt(-inside)
+        return np.array([complex(-b / 2, half), complex(-b / 2, -half)])
+    larger = -(b / 2 + copysign(sqrt(inside), b))
+    return np.array([larger, c / larger], dtype=np.complex128)
 
 
 def roots_of(p: F64) -> C128:
@@ -114,8 +138,9 @@ def roots_of(p: F64) -> C128:
 
 
 def by_modulus(roots: Any) -> C128:
-    found = np.asarray(roots, dtype=np.complex128)
-    return found[np.lexsort((found.imag, found.real, np.round(np.abs(found), 12)))]
+    found = np.asarray(roots, dtype=np.complex128).tolist()
+    found.sort(key=lambda r: (round(abs(r), 12), r.real, r.imag))
+    return np.array(found, dtype=np.complex128)
 
 
 def all_equal(table: Polynomials) -> bool:
