@@ -24,8 +24,12 @@ def fit_plain(
     structure: TransferFunction,
     options: Options,
     again: Callable[[tuple[Record, ...], Any, Options], Any],
+    near: F64 | None = None,
 ) -> Fit:
-    """The fit of the records' samples; `again` makes others like it."""
+    """The fit of the records' samples; `again` makes others like it.
+
+    `near`: parameters of a structure with free delays, by which its search begins on a band that is given.
+    """
     made = prepare(structure, options, records)
     ys, us = [rec.y for rec in records], [driving(rec, options.rule) for rec in records]
     refuse_standing(made.layout, ys, us, options.initial_state)
@@ -34,13 +38,15 @@ def fit_plain(
     def told(found: dict[str, Any]) -> Fit:
         return Fit.of_core(found, structure, made.layout, options, records, made.intervals, again=again)
 
+    begin = {} if near is None else {"near": near.tolist()}
+
     def fitted(outputs: list[F64]) -> Fit:
-        return told(made.core.fit(outputs, us))
+        return told(made.core.fit(outputs, us, **begin))
 
     measured = list(made.outputs) or ys
     fit = across(fitted(measured), made.outputs, made.blinds, fitted)
-    if not made.layout.free_delays or (near := mirrored(fit)) is None:
+    if not made.layout.free_delays or (stable := mirrored(fit)) is None:
         return fit
     on_lines = prepare(structure, on_band(fit, fit.band), records)
-    twin = told(on_lines.core.fit(measured, us, near=near.tolist()) | {"band_rule": fit.band_rule})
+    twin = told(on_lines.core.fit(measured, us, near=stable.tolist()) | {"band_rule": fit.band_rule})
     return twin if as_likely(fit, twin) else fit

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+from ..base.arrays import F64
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
@@ -18,10 +19,10 @@ from .plain import fit_plain
 from .prepared import counts_start
 from .robust import refuse_robust, robust_fit
 from .signs import signed
-from .uneven import without_excess
+from .uneven import from_response, without_excess
 from .wider import equations_on_enough_lines
 
-__all__ = ["fit_quietly", "fit_whole", "refuse_whole"]
+__all__ = ["fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
 
 
 def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
@@ -41,6 +42,24 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if any([rec.dt is None for rec in records]):
         return without_excess(fit, lambda moved, lines: fit_plain(moved, structure, lines, fit_quietly))
     return held_closely(fit, fit_quietly)
+
+
+def fit_near(fit: Fit, options: Options, start: F64) -> Fit | None:
+    """The fit with free delays by other options, begun by these parameters; None without an answer."""
+    records = fit.records or ()
+    if options.initial_state != "unknown" or any([rec.functions for rec in records]):
+        return None
+    made = fit_plain(records, fit.structure, options, fit_quietly, start)
+    return made if made.usable else None
+
+
+def fit_from(fit: Fit, structure: TransferFunction, options: Options) -> Fit | None:
+    """The fit of a structure to a fit's uneven records, begun with what that one's response tells of sums."""
+
+    def refit(moved: tuple[Record, ...], lines: Options) -> Fit:
+        return fit_plain(moved, structure, lines, fit_quietly)
+
+    return from_response(fit, options, refit)
 
 
 def fit_whole(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:

@@ -21,7 +21,7 @@ from ..results.prediction import path_model, unexplained
 from ..results.regression import trend_columns
 from ..systems.polynomials import companion, roots, time_unit
 
-__all__ = ["without_excess"]
+__all__ = ["from_response", "without_excess"]
 
 ROUNDS = 30
 SETTLED = 0.02  # of a standard error: the last step
@@ -59,6 +59,17 @@ def without_excess(fit: Fit, refit: Refit) -> Fit:
     if found is None:
         return replace(fit, status="maxiter" if fit.success else fit.status)
     return replace(found, options=o, band_rule=found.band_rule or fit.band_rule)
+
+
+def from_response(fit: Fit, options: Options, refit: Refit) -> Fit | None:
+    """The fit by other options, or of another structure, whose rounds begin with what an estimate tells.
+
+    None where they do not end, or where no sums have too much.
+    """
+    if not (fit.usable and any([_counts(rec) for rec in fit.records or ()])):
+        return None
+    found = _settled(fit, options, refit)
+    return None if found is fit else found
 
 
 def _settled(fit: Fit, options: Options, refit: Refit) -> Fit | None:
@@ -138,6 +149,8 @@ class _Rounds:
         """The fit at which a round changes nothing; None where there is none."""
         for _ in range(ROUNDS):
             before, fit = fit, self.after(fit, options)
+            if fit.param_names != before.param_names:
+                continue
             move = np.abs(fit.params - before.params)
             still = move <= np.maximum(SETTLED * fit.bse, SAME * np.abs(fit.params))
             if fit.success and fit.lines == before.lines and still.all():

@@ -37,28 +37,29 @@ def contradicts(ratio: float, df: float, high_df: float) -> bool:
     return min(below, 1 - below) < DOUBT / 2
 
 
-def levels(last: dict[str, Any], largest: Fit, finest: float) -> tuple[float, float, tuple[str, ...]]:
-    """Noise level of the high band; the same pooled with the largest candidate's, nan where they disagree."""
-    high = largest.high_band_sigma
-    if last["usable"] and last["sigma"] < finest:
+def levels(row: dict[str, Any], fit: Fit, finest: float) -> tuple[float, float, tuple[str, ...]]:
+    """Noise level of the high band; the same pooled with a candidate's, nan where they disagree.
+
+    The candidate that leaves least: as a rule the largest, unless its search ended elsewhere.
+    """
+    high = fit.high_band_sigma
+    if row["sigma"] < finest:
         text = (
-            f"The residuals of the largest candidate, {last['sigma']:.3g}, are finer than a thousandth of "
+            f"The least residuals of a candidate, {row['sigma']:.3g}, are finer than a thousandth of "
             f"the output and may be errors of the quadrature: candidates count as equal down to {finest:.3g}."
         )
         return high, finest, (text,)
     if not high > 0:
         return nan, nan, ("No empty high band tells the noise level: the criterion is BIC.",)
-    if not last["usable"]:
-        return high, high, ("The noise level is that of the high band.",)
-    free, df = high_band_df(largest), last["df_resid"]
-    if contradicts((last["sigma"] / high) ** 2, df, free):
+    free, df = high_band_df(fit), row["df_resid"]
+    if contradicts((row["sigma"] / high) ** 2, df, free):
         text = (
-            f"The high band says a noise level of {high:.3g}, the residuals of the largest candidate "
-            f"{last['sigma']:.3g}: the noise is not white, or no candidate is large enough. "
+            f"The high band says a noise level of {high:.3g}, the least residuals of a candidate "
+            f"{row['sigma']:.3g}: the noise is not white, or no candidate is large enough. "
             "The criterion is BIC, and orders tend to be too high where the noise is coloured."
         )
         return high, nan, (text,)
-    pooled = sqrt((df * last["sigma"] ** 2 + free * high**2) / (df + free))
+    pooled = sqrt((df * row["sigma"] ** 2 + free * high**2) / (df + free))
     return high, pooled, (f"Noise level {pooled:.3g}, of the high band and the residuals together.",)
 
 

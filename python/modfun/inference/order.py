@@ -1,4 +1,4 @@
-"""How many poles and zeros a record supports: candidates of several orders compared on one residual space."""
+"""How many poles and zeros a record supports: candidates of several orders compared on the same lines."""
 
 from __future__ import annotations
 
@@ -10,33 +10,27 @@ from typing import Any, Unpack
 
 import numpy as np
 
-from .._core import Fitter
 from ..base import html
 from ..base.arguments import public, whole
 from ..base.arrays import F64
 from ..base.cached import cached_property
 from ..base.tables import Table
-from ..base.words import USABLE
 from ..errors import DataError, FitError, SpecError
 from ..fitting.candidates import best_of
 from ..fitting.fit import FEW_LINES, records_of
-from ..fitting.prepared import plain_words
 from ..fitting.single import fit_quietly
 from ..fitting.undeclared import decided_by_fit, in_sentences, read_as
 from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
-from ..models.transfer_words import MOST_POLES
-from ..records.corners import driving
-from ..records.forms import forms_of
-from ..records.mask import refuse_own_noise
+from ..models.transfer_words import MOST_POLES, Delay
 from ..records.record import Record
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
-from ..results.doubts import FINEST
 from ..results.fit import Fit
 from ..systems.polynomials import roots_of
 from . import drawing
-from .common import change_of_noise, levels, widest
+from .common import change_of_noise, levels
+from .race import Race
 
 __all__ = ["OrderSelection", "select_order"]
 
@@ -62,7 +56,8 @@ class OrderSelection:
     best : Fit
         The candidate with the lowest criterion, fitted by itself.
     fits : tuple of Fit
-        All candidates, fitted by themselves, in the order of the table.
+        All candidates, fitted by themselves, in the order of the table; with free delays, uneven steps,
+        masks or a sigma on the common band.
     criterion : str
         "calibrated_bic", or "bic" where the noise of the high band is not that of the fit.
     band : (float, float)
@@ -117,7 +112,7 @@ def select_order(
     *,
     poles: int | Iterable[int] = range(1, 6),
     zeros: str | int | Iterable[int | tuple[int | None, ...]] = "any",
-    delay: float | Sequence[float] = 0.0,
+    delay: Delay | Sequence[Delay] = 0.0,
     **options: Unpack[Choices],
 ) -> OrderSelection:
     """Compare transfer functions of several orders and choose one.
@@ -125,11 +120,12 @@ def select_order(
     All candidates are fitted with the same number of transient terms, that of the highest order, and on
     the same lines: the report's residuals differenced alike (section 4.10), so that their costs can be
     compared. Where all inputs are held or straight between even samples each has its own number, as in
-    `fit`, and costs count per real equation. The criterion is cost/sigma**2 + k log N over N real equations,
-    k the number of parameters and poles (each pole has its transient coefficient), sigma the noise level of
-    the unused high band and of the residuals of the largest candidate together, but no finer than a
-    thousandth of the output. Where these two contradict each other, as with filtered noise, the criterion is
-    N log(cost/N) + k log N.
+    `fit`, and costs count per real equation. With free delays, uneven steps, masked samples or a sigma
+    candidates are compared by their own fits on a common band. The criterion is cost/sigma**2 + k log N over
+    N real equations, k the number of parameters and poles (each pole has its transient coefficient), sigma
+    the noise level of the unused high band and of the least residuals of a candidate together, but no finer
+    than a thousandth of the output. Where these two contradict each other, as with filtered noise, the
+    criterion is N log(cost/N) + k log N.
 
     Parameters
     ----------
@@ -140,12 +136,13 @@ def select_order(
     zeros : "any", int or iterable of (int or tuple), default "any"
         "any": every number below that of the poles, the same for all inputs. Else those to try, where the
         poles allow them; a tuple gives one number an input (None: no path).
-    delay : float or sequence of float, default 0
-        Known delay, s, as in `TransferFunction`.
+    delay : float or Free, or sequence of these, default 0
+        Delay, s, as in `TransferFunction`: known, or estimated for each candidate (`Free` with a `max`).
     **options
         Those of `fit`, method "awls" or "ml" only. With neither `band` nor `harmonics` the candidates are
-        compared on the wide band of the default rule; where that is wider than the guideline for the
-        largest candidate (report, eq. (20)), on what that or the candidate chosen there needs.
+        compared on the wide band of the default rule; where that is wider than the guideline for the largest
+        candidate (report, eq. (20)), on what that or the candidate chosen there needs. Where they are
+        compared by their own fits, on the widest band of these.
 
     Returns
     -------
@@ -154,9 +151,9 @@ def select_order(
     Raises
     ------
     SpecError
-        No candidate, or an option that does not serve; several outputs, delays to be estimated.
+        No candidate, or an option that does not serve; several outputs.
     DataError
-        Records with masked samples or a sigma, or too short for the smallest candidate.
+        Records too short for the smallest candidate.
     FitError
         No candidate could be fitted.
 
@@ -178,6 +175,14 @@ def select_order(
     >>> orders = mf.select_order(rec, poles=[1, 2, 3])
     >>> orders.best.model.order
     2
+
+    Order and delay both unknown:
+
+    >>> late = mf.tf([5], [1, 3, 8], delay=0.3)
+    >>> rec = mf.simulate(late, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
+    >>> orders = mf.select_order(rec, poles=[1, 2, 3], delay=mf.Free(max=1.0))
+    >>> orders.best.model.order
+    2
     """
     records = records_of(data, "select_order")
     checked = Options.checked("select_order", ("poles", "zeros", "delay"), **options)
@@ -197,31 +202,22 @@ def select_order(
         raise SpecError(
             "select_order: output_weights= weigh several outputs, and it takes one; leave them out"
         )
-    for rec in records:
-        refuse_own_noise(
-            rec,
-            "select_order",
-            "take a piece without them, rec.window(start, stop), or compare the .bic of an mf.fit of each "
-            "candidate over one band",
-        )
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
-        structure.plain_layout(records[0].inputs, "select_order")
+        structure.layout(records[0].outputs, records[0].inputs)
     structures, largest, too_large = _determined(records, structures, checked)
     words = decided_by_fit([records], structures, checked, best_of)
     records = read_as(records, words)
     others = structures if words else structures[:-1]  # the largest has been fitted as it looks
     fits = tuple(fit_quietly(records, structure, checked) for structure in others)
     fits += () if words else (largest,)
-    race = _Race(records, checked, structures, fits)
-    if checked.band is None and checked.harmonics is None:
-        band, least = race.wide(), race.guideline()
-        if least < band[1]:
-            look = race.run(band, LOOK)
-            band = (band[0], min(band[1], max(least, fits[look.best].band[1])))
-    else:
-        band = fits[-1].band
-    return race.run(band).selection((*in_sentences(words), *too_large))
+    race = Race(records, checked, structures, fits)
+    sought = checked.band is None and checked.harmonics is None
+    band, least = race.wide() if sought else fits[-1].band, race.guideline()
+    if sought and not race.apart and least < band[1]:
+        look = _Judged(race, race.run(band, LOOK), band)
+        band = (band[0], min(band[1], max(least, fits[look.best].band[1])))
+    return _Judged(race, race.run(band), band).selection((*in_sentences(words), *too_large))
 
 
 def _determined(
@@ -255,7 +251,7 @@ def _determined(
 def candidates(
     poles: int | Iterable[int],
     zeros: str | int | Iterable[int | tuple[int | None, ...]],
-    delay: float | Sequence[float],
+    delay: Delay | Sequence[Delay],
 ) -> list[TransferFunction]:
     """Structures to try, smaller ones first."""
     try:
@@ -289,104 +285,13 @@ def _degrees(zeros: Any) -> list[int]:
     return [z for z in each if z is not None]
 
 
-# One residual space for all -------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class _Race:
-    """The candidates on the way to the core."""
-
-    records: tuple[Record, ...]
-    options: Options
-    structures: list[TransferFunction]
-    fits: tuple[Fit, ...]
-
-    @cached_property
-    def channels(self) -> tuple[list[F64], list[F64]]:
-        """Outputs and inputs of the records, as they are summed."""
-        return [rec.y for rec in self.records], [driving(rec) for rec in self.records]
-
-    @cached_property
-    def transient(self) -> int:
-        """The most transient terms of a candidate."""
-        return max(fit.order for fit in self.fits)
-
-    @cached_property
-    def folded(self) -> bool:
-        """Whether the core takes what sampling folds of transients out of the sums.
-
-        Terms beyond the poles have no response that dies away along the lines: what they seemed to fold was
-        ten times the noise.
-        """
-        even = [rec.intersample for rec in self.records if rec.dt is not None]
-        return any([kinds and "smooth" not in kinds for kinds in even])
-
-    def wide(self) -> tuple[float, float]:
-        """The wide band of the default rule, in rad/s, that all records have."""
-        fit = self.fits[-1]
-        return 0.0, widest(fit.intervals, fit.omega0)
-
-    def finest(self) -> float:
-        """Level below which residuals say nothing."""
-        return FINEST * float(np.sqrt(np.mean([np.var(rec.y) for rec in self.records])))
-
-    def guideline(self) -> float:
-        """Upper edge of 3 # + n lines for the largest candidate, in rad/s."""
-        fit = self.fits[-1]
-        lines = 3 * (fit.params.size + (fit.trend is not None) + (fit.trend == "linear")) + self.transient
-        return max(lines * w for w in fit.omega0)
-
-    def run(self, band: tuple[float, float], tol: float = 0.0) -> _Judged:
-        """Every candidate on the band, each from several starts: larger ones have many minima."""
-        edges = (band[0], band[1] * (1 + 1e-9))
-        options = self.options.replace(harmonics=None, band=edges, tol=max(self.options.tol, tol))
-        rows: list[dict[str, Any]] = []
-        core = None
-        for own in self.fits:
-            core = Fitter(
-                [rec.y.shape[1] for rec in self.records],
-                [rec.t if rec.dt is None else rec.dt for rec in self.records],
-                beside=core,
-                transient=own.order if self.folded else self.transient,
-                **plain_words(own.layout, forms_of(self.records), options),
-            )
-            starts: list[F64] = [own.params] if np.all(np.isfinite(own.params)) else []
-            starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * band[1])]
-            row = core.fit(*self.channels, starts=[s.tolist() for s in starts])
-            rows.append({**row, "fit": own, "usable": _usable(row)})
-        return _Judged(self, rows, band)
-
-
-def _usable(found: dict[str, Any]) -> bool:
-    return found["status"] in USABLE and isfinite(found["cost"])
-
-
-def _grown(row: dict[str, Any], larger: Fit, far: float) -> list[F64]:
-    """The same model as a start of a larger one: with a leading zero in each numerator, or a pole at -far.
-
-    Nothing, where the larger one has not the same paths with one zero, or one pole, more.
-    """
-    smaller: Fit = row["fit"]
-    degrees, poles = smaller.layout.numerators[0], larger.layout.orders[0] - smaller.layout.orders[0]
-    zeros = 1 - poles
-    if poles not in (0, 1) or larger.layout.numerators[0] != tuple(
-        None if d is None else d + zeros for d in degrees
-    ):
-        return []
-    den, nums = smaller.layout.polynomials(row["theta"])
-    paths = [num for num, degree in zip(nums, degrees, strict=True) if degree is not None]
-    if poles:
-        return [np.concatenate([np.convolve(den, [1.0, far])[1:], *(far * num for num in paths)])]
-    return [np.concatenate([den[1:], *(part for num in paths for part in ([0.0], num))])] if paths else []
-
-
 # Which one ------------------------------------------------------------------------------------------
 
 
 class _Judged:
     """Candidates on one band: their costs, what follows from these, and the one chosen."""
 
-    def __init__(self, race: _Race, rows: list[dict[str, Any]], band: tuple[float, float]) -> None:
+    def __init__(self, race: Race, rows: list[dict[str, Any]], band: tuple[float, float]) -> None:
         self.race, self.rows, self.band = race, rows, band
         self.usable = np.array([row["usable"] for row in rows])
         if not self.usable.any():
@@ -402,7 +307,9 @@ class _Judged:
         equations = self.free + params
         self.n = n = int(equations.min())  # those of the highest order, whose transient takes the most
         self.mean = self.cost / equations
-        self.high, self.sigma, self.notes = levels(rows[-1], race.fits[-1], race.finest())
+        self.fits = tuple([row["fit"] for row in rows])
+        self.least = k = int(np.argmin(np.where(self.usable, self.mean, inf)))
+        self.high, self.sigma, self.notes = levels(rows[k], self.fits[k], race.finest())
         with np.errstate(divide="ignore", invalid="ignore"):
             self.bic = n * np.log(self.mean) + self.count * log(n)
             self.calibrated = n * self.mean / self.sigma**2 + self.count * log(n)
@@ -427,7 +334,7 @@ class _Judged:
     def of_time(self) -> tuple[str, ...]:
         """That the noise changes over the records."""
         ranked = [self.best, *np.argsort(self.score, kind="stable").tolist()]
-        return change_of_noise(self.race.fits[k] for k in ranked if isfinite(self.score[k]))
+        return change_of_noise(self.fits[k] for k in ranked if isfinite(self.score[k]))
 
     def selection(self, notes: tuple[str, ...]) -> OrderSelection:
         from scipy.special import fdtrc
@@ -445,7 +352,7 @@ class _Judged:
             "cost": self.cost.tolist(),
             "residual": np.sqrt(self.mean).tolist(),
             "chi2": chi2.tolist(),
-            "p_value": fdtrc(self.free, high_band_df(race.fits[-1]), chi2 / self.free).tolist(),
+            "p_value": fdtrc(self.free, high_band_df(self.fits[self.least]), chi2 / self.free).tolist(),
             "aicc": np.where(room > 2, aicc, nan).tolist(),
             "bic": self.bic.tolist(),
             "calibrated_bic": self.calibrated.tolist(),
@@ -461,8 +368,8 @@ class _Judged:
             )
         return OrderSelection(
             table=Table(columns),
-            best=race.fits[best],
-            fits=race.fits,
+            best=self.fits[best],
+            fits=self.fits,
             criterion=self.criterion,
             band=self.band,
             sigma=self.sigma,

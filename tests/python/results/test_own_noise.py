@@ -108,7 +108,6 @@ def test_the_bound_weighs_samples_by_their_noise():
 
 
 ALIKE = {
-    "select_order": lambda rec: mf.select_order(rec, poles=2),
     "rank_test": lambda rec: mf.rank_test(rec),
     "regressors": lambda rec: mf.regressors(rec, TF2, harmonics=6),
     "output error": lambda rec: mf.rivals.output_error(TF2)(rec),
@@ -137,7 +136,6 @@ HELD = mf.TransferFunction(poles=2, zeros=0, params={"a2": 8.0})
 LATE = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(max=0.5))
 REFUSED = {
     "orders of outputs": (lambda: mf.select_order(two_outputs()), "one at a time"),
-    "orders with a late input": (lambda: mf.select_order(record(), delay=mf.Free(max=0.5)), "known delays"),
     "orders by weights": (lambda: mf.select_order(record(), output_weights=[1.0]), "leave them out"),
     "orders in colour": (lambda: mf.select_order(record(), noise="coloured"), 'noise="output"'),
     "bound of which": (
