@@ -56,8 +56,8 @@ class OrderSelection:
     best : Fit
         The candidate with the lowest criterion, fitted by itself.
     fits : tuple of Fit
-        All candidates, fitted by themselves, in the order of the table; with free delays, uneven steps,
-        masks or a sigma on the common band.
+        All candidates, fitted by themselves, in the order of the table; with free delays,
+        masks, a sigma, or held inputs at uneven times on the common band.
     criterion : str
         "calibrated_bic", or "bic" where the noise of the high band is not that of the fit.
     band : (float, float)
@@ -120,12 +120,12 @@ def select_order(
     All candidates are fitted with the same number of transient terms, that of the highest order, and on
     the same lines: the report's residuals differenced alike (section 4.10), so that their costs can be
     compared. Where all inputs are held or straight between even samples each has its own number, as in
-    `fit`, and costs count per real equation. With free delays, uneven steps, masked samples or a sigma
-    candidates are compared by their own fits on a common band. The criterion is cost/sigma**2 + k log N over
-    N real equations, k the number of parameters and poles (each pole has its transient coefficient), sigma
-    the noise level of the unused high band and of the least residuals of a candidate together, but no finer
-    than a thousandth of the output. Where these two contradict each other, as with filtered noise, the
-    criterion is N log(cost/N) + k log N.
+    `fit`, and costs count per real equation. With free delays, masked samples, a sigma, or held or straight
+    inputs at uneven times candidates are compared by their own fits on a common band. The criterion is
+    cost/sigma**2 + k log N over N real equations, k the number of parameters and poles (each pole has its
+    transient coefficient), sigma the noise level of the unused high band and of the least residuals of a
+    candidate together, but no finer than a thousandth of the output. Where these two contradict each other,
+    as with filtered noise, the criterion is N log(cost/N) + k log N.
 
     Parameters
     ----------

@@ -12,7 +12,6 @@ from .._core import Fitter
 from ..base.arrays import F64
 from ..base.cached import cached_property
 from ..base.words import USABLE
-from ..fitting.gaps import weighs
 from ..fitting.prepared import plain_words
 from ..fitting.single import fit_from, fit_near
 from ..models.options import Options
@@ -41,10 +40,16 @@ class Race:
     def apart(self) -> bool:
         """Whether each candidate is compared by its own fit, as the core has no common sums for them.
 
-        Their delays differ, and so does what sums over uneven samples have too much, or stands in gaps.
+        Their delays differ, and so does what stands in gaps, or what sums over uneven samples have too much.
         """
         late = any([fit.layout.free_delays for fit in self.fits])
-        return late or any([rec.dt is None or weighs(rec) for rec in self.records])
+        own = [rec.mask is not None or rec.sigma is not None for rec in self.records]
+        return late or any(own) or any([rec.dt is None for rec in self._held])
+
+    @cached_property
+    def _held(self) -> list[Record]:
+        """Records whose inputs are known between their samples."""
+        return [rec for rec in self.records if rec.intersample and "smooth" not in rec.intersample]
 
     @cached_property
     def channels(self) -> tuple[list[F64], list[F64]]:
@@ -63,15 +68,19 @@ class Race:
         Terms beyond the poles have no response that dies away along the lines: what they seemed to fold was
         ten times the noise.
         """
-        return any([rec.intersample and "smooth" not in rec.intersample for rec in self.records])
+        return any([rec.dt is not None for rec in self._held])
 
     def wide(self) -> tuple[float, float]:
-        """The wide band of the default rule that all records have, of fits the widest of theirs; rad/s."""
-        if self.apart:
-            usable = [fit.band for fit in self.fits if fit.usable] or [self.fits[-1].band]
-            return min([low for low, _ in usable]), max([high for _, high in usable])
-        fit = self.fits[-1]
-        return 0.0, widest(fit.intervals, fit.omega0)
+        """The wide band of the default rule that all records have, in rad/s; of fits theirs, too.
+
+        Sums over uneven samples of smooth inputs are no integrals so far up.
+        """
+        fit, own = self.fits[-1], [fit.band for fit in self.fits if fit.usable] or [self.fits[-1].band]
+        edge = widest(fit.intervals, fit.omega0)
+        if not self.apart:
+            return 0.0, edge
+        edges = [high for _, high in own] + ([edge] if self._held else [])
+        return min([low for low, _ in own]), max(edges)
 
     def finest(self) -> float:
         """Level below which residuals say nothing."""
@@ -110,7 +119,7 @@ class Race:
         for own in self.fits:
             core = Fitter(
                 [rec.y.shape[1] for rec in self.records],
-                [rec.dt for rec in self.records if rec.dt is not None],
+                [rec.t if rec.dt is None else rec.dt for rec in self.records],
                 beside=core,
                 transient=own.order if self.folded else self.transient,
                 **plain_words(own.layout, forms_of(self.records), options),
