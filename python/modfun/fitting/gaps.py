@@ -14,17 +14,20 @@ from ..base.arrays import F64
 from ..errors import DataError, ModfunError
 from ..records.record import Record
 from ..results.cures import again, on_band
+from ..results.estimates import COVARIANCES
 
-__all__ = ["across", "blind", "bridged", "relative", "variances", "weighs"]
+__all__ = ["across", "between", "blind", "bridged", "hides_much", "relative", "variances", "weighs"]
 
 AnyFit = TypeVar("AnyFit", bound=Any)
 
+MUCH = 0.15  # of the samples of an output: what stands in the place of more counts as if it were measured
 LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 UNEVEN = 0.3  # scatter of the steps, over their mean, that correlates lines
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
 BLIND = 100.0  # the same of one whose bridged value tells nothing worth having
 ROUNDS, SETTLED = 8, 0.1  # of fits with simulated values in gaps; a move in standard errors that ends them
-SHORTEST = 16  # samples between gaps that make a record
+MOST = 0.7  # of the samples that count: in pieces between gaps
+SHORTEST = 16  # samples that count between gaps: a record of their own
 ASTRAY = 10.0  # times the largest sample: a simulation beyond it fills no gap
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
@@ -99,29 +102,52 @@ def across(
     """
     if all(hidden is None for hidden in blinds):
         return fit
-    found, start = [_settled(fit, outputs, blinds, refit)], _around(fit, blinds)
-    if start is not None and (other := _settled(start, outputs, blinds, refit)) is not start:
-        found.append(other)
+    found, pieces = [_settled(fit, outputs, blinds, refit)], _around(fit, blinds)
+    if pieces is not None:
+        start = replace(fit, params=pieces.params)
+        if (other := _settled(start, outputs, blinds, refit)) is not start:
+            found.append(other)
     return min(found, key=lambda one: (not one.usable, one.cost))
+
+
+def between(
+    fit: Any,
+    outputs: Sequence[F64],
+    blinds: Sequence[NDArray[np.bool_] | None],
+    refit: Callable[[list[F64]], Any],
+) -> Any:
+    """As `across` for equations that are not linear, where what lies between the gaps is most of the records.
+
+    Powers and products of what stands in a gap are in the columns, and no round of filling ends at the truth.
+    Estimates and covariances are those of the pieces as records of their own; residual lines those of the
+    records with their response in the gaps.
+    """
+    if all(hidden is None for hidden in blinds):
+        return fit
+    pieces = _around(fit, blinds)
+    if pieces is None or not pieces.usable or _part(pieces.records, fit.records) < MOST:
+        return across(fit, outputs, blinds, refit)
+    own = {name: getattr(pieces, name) for name in ("params", "status", "nit", "df_spectral", *COVARIANCES)}
+    filled = _filled(replace(fit, params=pieces.params), outputs, blinds)
+    other = fit if filled is None else refit(filled)
+    if not other.usable:  # residual lines of the pieces are better than none
+        return replace(pieces, options=fit.options)
+    return replace(other, **own)
+
+
+def _part(pieces: Sequence[Record], records: Sequence[Record]) -> float:
+    """Of the samples of records that count, those of their pieces."""
+    each = [np.ones_like(rec.y) if rec.mask is None else rec.mask for rec in (*pieces, *records)]
+    counts = [float(np.sum(own)) for own in each]
+    return sum(counts[: len(pieces)]) / sum(counts[len(pieces) :])
 
 
 def _settled(
     fit: AnyFit, outputs: Sequence[F64], blinds: Sequence[Any], refit: Callable[[list[F64]], AnyFit]
 ) -> AnyFit:
     for _ in range(ROUNDS):
-        if not fit.usable:
+        if not fit.usable or (filled := _filled(fit, outputs, blinds)) is None:
             return fit
-        try:
-            simulated = [y for y, _ in map(fit.simulate, fit.records)]
-        except ModfunError:
-            return fit
-        both = zip(simulated, outputs, strict=True)
-        if any(np.max(np.abs(y)) > ASTRAY * np.max(np.abs(own)) for y, own in both):
-            return fit
-        filled = [
-            own if hidden is None else np.where(hidden, y, own)
-            for own, y, hidden in zip(outputs, simulated, blinds, strict=True)
-        ]
         before, fit = fit, refit(filled)
         moved = np.max(np.abs(fit.params - before.params) / np.where(fit.bse > 0, fit.bse, np.inf), initial=0)
         if fit.success and moved < SETTLED:
@@ -129,17 +155,34 @@ def _settled(
     return fit
 
 
-def _around(fit: AnyFit, blinds: Sequence[Any]) -> AnyFit | None:
-    """The fit with the parameters of one to what lies around the gaps; None where there is none."""
+def _filled(fit: Any, outputs: Sequence[F64], blinds: Sequence[Any]) -> list[F64] | None:
+    """The outputs with the response where they are blind; None where a simulation goes astray."""
+    try:
+        simulated = [y for y, _ in map(fit.simulate, fit.records)]
+    except ModfunError:
+        return None
+    both = zip(simulated, outputs, strict=True)
+    if any(np.max(np.abs(y)) > ASTRAY * np.max(np.abs(own)) for y, own in both):
+        return None
+    return [
+        own if hidden is None else np.where(hidden, y, own)
+        for own, y, hidden in zip(outputs, simulated, blinds, strict=True)
+    ]
+
+
+def _around(fit: Any, blinds: Sequence[Any]) -> Any:
+    """The fit of what lies around the gaps, as records of their own; None where there is none."""
     pieces = []
     for rec, hidden in zip(fit.records, blinds, strict=True):
         seen = np.ones(rec.t.size, bool) if hidden is None else ~hidden.any(axis=0)
         edges = np.flatnonzero(np.diff(seen, prepend=False, append=False)).reshape(-1, 2)
-        pieces += [rec.window(rec.t[a], rec.t[b - 1]) for a, b in edges if b - a >= SHORTEST]
-    if not fit.usable or not pieces or fit.again is None:
+        good = np.ones_like(rec.y, bool) if rec.mask is None else rec.mask
+        long = [(a, b) for a, b in edges if good[:, a:b].sum(axis=1).min() >= SHORTEST]
+        pieces += [rec.window(rec.t[a], rec.t[b - 1]) for a, b in long]
+    if not pieces or fit.again is None:
         return None
-    other = again(fit, tuple(pieces), fit.structure, on_band(fit, fit.band))
-    return None if other is None else replace(fit, params=other.params)
+    options = on_band(fit, fit.band) if fit.usable else fit.options
+    return again(fit, tuple(pieces), fit.structure, options)
 
 
 def weighs(rec: Record) -> bool:
@@ -153,6 +196,11 @@ def weighs(rec: Record) -> bool:
         return False
     steps = np.diff(rec.t)
     return bool(np.std(steps) > UNEVEN * np.mean(steps))
+
+
+def hides_much(rec: Record) -> bool:
+    """Whether so many samples of an output are masked that what stands in their place counts."""
+    return rec.mask is not None and bool(np.min(np.mean(rec.mask, axis=1)) < 1 - MUCH)
 
 
 def variances(rec: Record, off: F64, noise: F64, order: int) -> F64 | None:

@@ -11,6 +11,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.stability import refuse_stable
+from .by_samples import by_samples
 from .instruments import referenced_fit, refuse_reference
 from .known_inputs import equations_closely, fit_known_inputs, held_closely, refuse_uneven
 from .of_equations import fit_equation
@@ -35,10 +36,11 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
     if not isinstance(structure, TransferFunction):
         few = fit_equation(records, structure, options, fit_quietly)
         made = signed(equations_closely(equations_on_enough_lines(few, fit_equation), fit_equation))
+        made = by_samples(made)
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)
-    fit = fit_plain(records, structure, options, fit_quietly)
+    fit = by_samples(fit_plain(records, structure, options, fit_quietly))
     if any([rec.dt is None for rec in records]):
         return without_excess(fit, lambda moved, lines: fit_plain(moved, structure, lines, fit_quietly))
     return held_closely(fit, fit_quietly)
