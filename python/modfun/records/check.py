@@ -366,7 +366,7 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
 
 def frozen_samples(record: Samples, name: str) -> Iterator[str]:
     """Say that a channel stood still in between, unless these samples are left out already."""
-    found = frozen(record[name])
+    found = frozen(record[name], record._good(name))
     if found is None:
         return
     first, last = found[0], found[0] + found[1] - 1

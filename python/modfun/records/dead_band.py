@@ -15,13 +15,16 @@ CHANGES = 10  # at least
 LEAST = 0.5  # of the median change, or this over their number: some of so many changes would be smaller,
 MANY_CHANGES = 30  # were there no dead band: all of N are larger than x times the median with exp(-N x/2)
 OWN = 0.5  # of the changes lead to a value of its own, at least: a sensor of uneven codes has few
-FROZEN = 5  # equal samples, at least, of a channel that
-RARELY = 0.005  # of the other samples repeat the one before
-SHORT = 10  # equal samples, at most, of a dropout
+FROZEN = 5  # equal samples, at least, of a channel that stands still and should not
+SHORT = 10  # equal samples, at most, of a dropout that may be rest; longer ones are looked at more closely
 SEVERAL = 2  # dropouts, at least
-MANY = 0.1  # of the samples repeat the one before: of more, rest and coarse steps are likelier
+MANY = 0.1  # of the other samples repeat the one before: of more, rest and coarse steps are likelier
+MOST = 0.3  # of all samples: of more, the sensor is slow
 CHANCE = 1e-4  # repeats that rounding explains
+FINE = 3.0  # steps of rounding: noise beyond which no sensor rests
+SMALL = 0.01  # of the changes are smaller than what is taken for the step of rounding
 LEAP = 5.0  # usual second differences: into a channel that stands still elsewhere than where it was
+CAUGHT_UP = 3.0  # changes of the next sample: the leap to where a frozen channel would have been
 JUMP = 10.0  # usual second differences: into a dropout of one value and out of it
 GRID = 0.02  # of the least change: how near changes are to its multiples where values are rounded
 
@@ -36,37 +39,77 @@ def dead_band(values: F64) -> float:
         return 0.0
     change = np.abs(np.diff(values))
     moved = change[change > 0]
+    held = np.gcd.reduce(np.diff(np.flatnonzero(change))) > 1  # by a sensor of another rate
+    coded = np.unique(values).size < OWN * moved.size
+    return 0.0 if held or coded or not _gap(moved) else float(moved.min())
+
+
+def _gap(moved: F64) -> bool:
+    """Whether small changes are missing that are no multiples of one step."""
     least = float(moved.min())
     multiples = moved / least
     rounded = np.abs(multiples - np.rint(multiples)).max() < GRID
-    held = np.gcd.reduce(np.diff(np.flatnonzero(change))) > 1  # by a sensor of another rate
-    coded = np.unique(values).size < OWN * moved.size
-    usual = min(LEAST, MANY_CHANGES / moved.size) * np.median(moved)
-    return 0.0 if rounded or held or coded or least < usual else least
+    return not rounded and bool(least >= min(LEAST, MANY_CHANGES / moved.size) * np.median(moved))
 
 
-def frozen(values: F64) -> tuple[int, int] | None:
-    """First of equal samples, and their number, where others hardly ever are equal; None without.
+def frozen(values: F64, good: NDArray[np.bool_] | None = None) -> tuple[int, int] | None:
+    """First of equal samples, and their number, where a channel stood still once and should have moved.
 
-    Rest at the beginning or the end of a record is no such thing.
+    None of rest, and where the channel drops out several times.
     """
     same = values[1:] == values[:-1]
     if not same.any():
         return None
+    good = np.broadcast_to(np.True_, values.size) if good is None else good
+    same &= good[1:] & good[:-1]
     starts, lengths = runs(same)
-    rest = (starts > 0) & (starts + lengths < same.size)
-    if not rest.any():
+    stuck = _stuck(values, starts, lengths)
+    if not stuck.any() or dropouts(values, good) is not None:
         return None
-    at = int(np.argmax(np.where(rest, lengths, 0)))
-    others = int(lengths.sum() - lengths[at]) / same.size
-    return (int(starts[at]), int(lengths[at]) + 1) if lengths[at] + 1 >= FROZEN and others < RARELY else None
+    at = int(np.argmax(np.where(stuck, lengths, 0)))
+    return int(starts[at]), int(lengths[at]) + 1
+
+
+def _stuck(values: F64, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Which runs of repeats, by their first samples, are those of a sensor that froze in motion.
+
+    A sensor with noise well above the step of its rounding never rests. One without stops at once and leaps
+    to where it would have been; so does any that froze at an extreme only and is not clipped there.
+    """
+    size = values.size - 1
+    found = (lengths + 1 >= FROZEN) & (starts > 0) & (starts + lengths < size)
+    others = (lengths.sum() - lengths[found].sum()) / size
+    if not found.any() or lengths.sum() > MOST * size or others > MANY:
+        return np.zeros(starts.size, dtype=bool)
+    found &= (size * others**lengths < CHANCE) & ~_again(values[starts], lengths + 1 >= FROZEN)
+    change = np.abs(np.diff(values))
+    step = float(np.quantile(change[change > 0], SMALL))
+    bend, rough = (float(np.median(np.abs(np.diff(values, order)))) for order in (2, 4))
+    noisy = rough > max(bend, FINE * step * 70**0.5 / 1.4826)  # 70: variance of fourth differences of noise
+    inner = ~np.isin(values[starts], (values.min(), values.max()))
+    plain = noisy & (inner | bool(np.any(found & inner)))  # what froze elsewhere froze at an extreme, too
+    changes = np.append(change, (0.0, 0.0))
+    into, out, then = changes[starts - 1], changes[starts + lengths], changes[starts + lengths + 1]
+    least = max(LEAP * _usual_bend(values), FINE * step)
+    found &= plain | ((into > FINE * step) & (out > np.maximum(least, CAUGHT_UP * then)))
+    return found
+
+
+def _again(levels: F64, counting: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which runs stand at the level of another one, as those of rest and of clipped channels do."""
+    seen, count = np.unique(levels[counting], return_counts=True)
+    return np.isin(levels, seen[count > 1])
+
+
+def _usual_bend(values: F64) -> float:
+    """The usual second difference of a channel."""
+    return 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) + 1e-9 * float(np.ptp(values))
 
 
 def off_line(values: F64, at: int) -> bool:
     """Whether a sample is far off the line through the two before it, or off the only one."""
     bends = np.diff(values, 2)
-    usual = 1.4826 * float(np.median(np.abs(bends))) + 1e-9 * float(np.ptp(values))
-    return bool(abs(bends[at - 2] if at > 1 else values[1] - values[0]) > LEAP * usual)
+    return bool(abs(bends[at - 2] if at > 1 else values[1] - values[0]) > LEAP * _usual_bend(values))
 
 
 def _peaks(values: F64, starts: NDArray[np.intp], lengths: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -90,24 +133,29 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
     if not same.any():
         return None
     same &= good[1:] & good[:-1]
-    if not same.any() or same.mean() > MANY:
+    if not same.any() or same.mean() > MOST:
         return None
     starts, lengths = runs(same)
+    stuck = _stuck(values, starts, lengths)
+    if lengths[~stuck].sum() > MANY * same.size:
+        return None
     inside = (starts > 0) & (starts + lengths < same.size)
-    starts, lengths = starts[inside], lengths[inside] + 1
-    rests, short = bool((lengths > SHORT).any()), lengths <= SHORT
+    starts, lengths, stuck = starts[inside], lengths[inside] + 1, stuck[inside]
+    short = (lengths <= SHORT) | stuck
+    rests = not short.all()
     starts, lengths = starts[short], lengths[short]
-    curved = _peaks(values, starts, lengths) & (values[starts] != 0)
+    curved = _peaks(values, starts, lengths) & (values[starts] != 0) & ~stuck[short]
     starts, lengths = starts[~curved], lengths[~curved]
     if starts.size < SEVERAL:
         return None
-    usual = 1.4826 * float(np.median(np.abs(np.diff(values, 2)))) + 1e-9 * float(np.ptp(values))
     ends = starts + lengths - 1
     into, out = np.abs(values[starts] - values[starts - 1]), np.abs(values[ends + 1] - values[ends])
     change = np.abs(np.diff(values))
-    part = float(np.diff(np.unique(values)).min()) / float(np.median(change[change > 0]))
-    rare = (values.size * part ** (lengths - 1.0) < CHANCE) & (not rests)
+    moved = change[change > 0]
+    part = float(np.diff(np.unique(values)).min()) / float(np.median(moved))
     zeros = values[starts] == 0
-    if np.count_nonzero(zeros & (rare | (np.minimum(into, out) > JUMP * usual))) >= SEVERAL:
+    rare = (values.size * part ** (lengths - 1.0) < CHANCE) & (not rests) & (not _gap(moved))
+    rare &= zeros | ~_again(values[starts], ~zeros)
+    if np.count_nonzero(zeros & (rare | (np.minimum(into, out) > JUMP * _usual_bend(values)))) >= SEVERAL:
         return starts[zeros], lengths[zeros], True
     return (starts[rare], lengths[rare], False) if rare.sum() >= SEVERAL else None

@@ -183,6 +183,69 @@ def test_records_without_dropouts_have_none() -> None:
         assert not any("drops out" in one for one in flights.flown(seed, nsr=0.0).check())
 
 
+@pytest.mark.parametrize("samples", [10, 15, 25])
+def test_a_rate_that_freezes_five_times_is_named_however_long(samples: int) -> None:
+    """In 12 of 12 records; of 10 samples and more none was, and 95 % intervals covered 70 to 80 %."""
+    for seed in range(3):
+        rng, rec = np.random.default_rng(seed), flights.flown(seed)
+        q = rec["q"].copy()
+        for at in rng.choice(q.size - 60, 5, replace=False) + 5:
+            q[at : at + samples] = q[at - 1]
+        stuck = rec.assign(q=q)
+        text = flights.warned(stuck, flights.SHORT)[1]
+        assert "Output 'q' drops out" in text
+        assert "rec.weigh(mask={'q': np.r_[True, np.diff(rec['q']) != 0]})" in text
+        good = np.r_[True, np.diff(stuck["q"]) != 0]
+        assert not any("drops out" in one or "frozen" in one for one in stuck.weigh(mask={"q": good}).check())
+
+
+def filtered(rng: np.random.Generator, hold: int, lag: int) -> np.ndarray:
+    """The response of a lag to held random steps."""
+    u, y = np.repeat(rng.standard_normal(1200 // hold), hold), np.zeros(1200)
+    for k in range(1, y.size):
+        y[k] = y[k - 1] + (u[k - 1] - y[k - 1]) / lag
+    return y
+
+
+def moved(rng: np.random.Generator) -> np.ndarray:
+    """Moves of a motor to random places, with rests of 15 to 40 samples."""
+    parts, place = [], 0.0
+    while sum(map(len, parts)) < 1500:
+        far, count = rng.uniform(20, 60) * rng.choice([-1, 1]), rng.integers(100, 300)
+        way = place + far * (1 - np.cos(np.pi * np.arange(1, count + 1) / count)) / 2
+        parts += [way, np.full(rng.integers(15, 40), way[-1])]
+        place = way[-1]
+    return np.concatenate(parts)[:1500]
+
+
+def waves(rng: np.random.Generator) -> np.ndarray:
+    return sum(np.sin(2 * np.pi * np.arange(1200) / p + rng.uniform(0, 6)) for p in (200, 340, 620))
+
+
+REST = {
+    "a motor and its encoder": lambda rng: np.round(moved(rng) / 0.01) * 0.01,
+    "a motor and a coarse encoder": lambda rng: np.round(moved(rng) / 0.1) * 0.1,
+    "steps to the last bit": lambda rng: filtered(rng, 400, 4),
+    "steps in coarse codes": lambda rng: np.round(filtered(rng, 100, 8), 2),
+    "a fine dead band": lambda rng: stored(waves(rng) + 0.3 * rng.standard_normal(1200), 0.05),
+    "a clipped top": lambda rng: (y := waves(rng)).clip(None, 0.97 * y.max()),
+    "a noisy clipped top": lambda rng: (y := waves(rng) + 0.1 * rng.standard_normal(1200)).clip(
+        None, 0.97 * y.max()
+    ),
+    "held unevenly": lambda rng: np.repeat(rng.standard_normal(100), rng.integers(8, 15, 100)),
+}
+
+
+@pytest.mark.parametrize("rest", REST)
+def test_outputs_that_rest_are_neither_frozen_nor_drop_out(rest: str) -> None:
+    """Tops were named frozen in 19 of 20 records, dead bands as dropouts in 13, the last bit in 1."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        y = REST[rest](rng)
+        rec = mf.Record(y=y, u=rng.standard_normal(y.size), dt=0.02, intersample="smooth")
+        assert not any("frozen" in one or "drops out" in one for one in rec.check())
+
+
 def test_twenty_spikes_are_counted_with_their_first_times() -> None:
     rec = flights.flown(0)
     values = rec["alpha"].copy()
