@@ -13,7 +13,7 @@ from ..base.samples import rounded_step
 from ..base.tables import Findings
 from ..base.units import TIMES, angle_of, counted_in
 from .codes import codes_of
-from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line
+from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line, rounded_top
 from .joints import joints
 from .mask import leaving_out, runs
 from .samples import Samples
@@ -328,7 +328,7 @@ def _clipped(record: Samples, name: str) -> Iterator[str]:
         if not there.any():
             continue
         starts, lengths = runs(there)
-        if lengths.max() >= 4 and there.sum() >= 0.01 * len(values):
+        if lengths.max() >= 4 and there.sum() >= 0.01 * len(values) and not rounded_top(values, extreme):
             where = record.t[starts[int(np.argmax(lengths))]]
             cure = f" If so, {leaving_out(record, name, f'rec[{name!r}] != {extreme!r}')}."
             yield (

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from .mask import runs
 
-__all__ = ["FROZEN", "dead_band", "dropouts", "frozen", "off_line"]
+__all__ = ["FROZEN", "dead_band", "dropouts", "frozen", "off_line", "rounded_top"]
 
 REPEATED = 0.1  # of the samples, at least
 CHANGES = 10  # at least
@@ -26,6 +26,7 @@ SMALL = 0.01  # of the changes are smaller than what is taken for the step of ro
 LEAP = 5.0  # usual second differences: into a channel that stands still elsewhere than where it was
 CAUGHT_UP = 3.0  # changes of the next sample: the leap to where a frozen channel would have been
 JUMP = 10.0  # usual second differences: into a dropout of one value and out of it
+TOP = 4.0  # times the samples one step beside an extreme: those at it; 2.4 of a parabola in coarse steps
 GRID = 0.02  # of the least change: how near changes are to its multiples where values are rounded
 
 
@@ -159,3 +160,16 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
     if np.count_nonzero(zeros & (rare | (np.minimum(into, out) > JUMP * _usual_bend(values)))) >= SEVERAL:
         return starts[zeros], lengths[zeros], True
     return (starts[rare], lengths[rare], False) if rare.sum() >= SEVERAL else None
+
+
+def rounded_top(values: F64, extreme: float) -> bool:
+    """Whether an extreme is that of a curve in coarse steps, which is one step beside it nearly as long."""
+    change = np.abs(np.diff(values))
+    step = float(change[change > 0].min())
+    away = np.abs(values - extreme) / step
+    beside = total = 0
+    for start, length in zip(*runs(away < 1.5), strict=True):
+        top = int(np.count_nonzero(away[start : start + length] < 0.5))
+        total += top
+        beside += int(length) - top if top else 0
+    return total < TOP * beside
