@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import F64
+from .noisy_levels import held_in_noise
 
 __all__ = [
     "AUTO", "BY_FIT", "CLOSE", "DOUBTFUL", "FORMS", "LOOP", "MIXED", "OPEN", "decided", "form_of",
@@ -24,6 +25,7 @@ FORMS = {
     "rest": "smooth",
     "held": "zoh",  # flat between jumps
     "stairs": "zoh",  # the same on four or five levels, one at a time: held, or a coarsely rounded motion
+    "noisy": "zoh",  # held, and measured with noise
     "straight": "foh",
     "rounded": "smooth",  # flat, and then one unit of the last digit up or down
     "rough": "smooth",  # some power at the highest frequencies: held for one sample each, or noisy
@@ -76,6 +78,8 @@ def form_of(values: F64, t: F64 | None = None) -> str:
         return "straight"
     if count < len(moves) and (form := _flat(size, moves, span)):
         return form
+    if held_in_noise(values):
+        return "noisy"
     top = _top(values)
     if top >= ROUGH:  # a few outliers would do it
         middle = float(np.median(values))

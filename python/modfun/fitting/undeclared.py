@@ -189,11 +189,14 @@ def _asked(
 ) -> tuple[dict[Which, Word], list[Fit]]:
     """How open inputs are read, and the fits of the problems so."""
     each, loop = list(problems), bool(options.reference)
-    noise = options.noise
-    if not each or noise == "errors-in-variables" or (isinstance(noise, Noise) and noise.u is not None):
-        return {}, []  # inputs with noise of their own were measured
+    if not each:
+        return {}, []
+    noise, measured = options.noise, options.noise == "errors-in-variables"
+    measured |= isinstance(noise, Noise) and noise.u is not None
     names = [name for name in each[0][0].inputs if name not in options.reference]
     looks = {which: seen for name in names for which, seen in _open(each, name).items()}
+    if measured:  # noise of their own makes them rough, and no random walks
+        looks = {which: seen for which, seen in looks.items() if seen[0] == "walk"}
     if not looks:
         return {}, []
     computed = {which for which, (look, _) in looks.items() if loop and _computed(each, which, look)}

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._core import noise_level
 from ..base.arrays import F64
+from ..base.noisy_levels import white_level
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from ..models.noise import Noise
@@ -147,6 +148,11 @@ def _levels(layout: Layout, records: Sequence[Record], intervals: Sequence[int])
             )
         window = np.vstack([rec.y, rec.u])[:, rec.intervals - used :]
         power.append(noise_level(np.ascontiguousarray(window), order) ** 2)
+        for row, (own, kind) in enumerate(
+            zip(window[len(rec.y) :], rec.intersample, strict=True), len(rec.y)
+        ):
+            if kind != "smooth":  # jumps and corners have power at all frequencies
+                power[-1][row] = min(power[-1][row], white_level(own) ** 2)
     level = np.sqrt(np.mean(power, axis=0))
     outputs = len(layout.outputs)
     if np.any(level[:outputs] == 0):

@@ -23,6 +23,7 @@ __all__ = [
     "linear_of",
     "lines_beside",
     "output_lines",
+    "responses_of",
     "signal_lines",
     "straight",
     "testable",
@@ -293,20 +294,33 @@ def signal_lines(
     low, high = max(fit.lines[k][0], 1), fit.lines[k][1]
     outputs = len(fit.outputs)
     powers, shapes = _powers(low, high, fit.omega0[k], max(layout.orders) + 2)
-    s = powers[1]
     u = driving(rec, fit.options.rule) if exact or rec.functions else rec.u
     rows = layout.formulas.rows(rec.y, u, rec.t, record=k)[model.rows]
     kinds = [kinds[k if len(kinds) > 1 else 0] for kinds in model.kinds]
     delays = [late / rec.dt for late in model.late]
     start = rec.intervals - fit.intervals[k]
     v = coefficients(np.ascontiguousarray(rows), high, kinds, delays, start, None)[:, low:]
-    turned = [np.exp(-s * late) if late else 1.0 for late in model.late]
-    each = model.weights[0].reshape(outputs, len(powers), -1).transpose(0, 2, 1) @ powers
-    p = np.zeros((outputs, outputs, s.size), complex)
+    turned, sums = _sums(fit, model, powers)
+    return v, sums[:, :outputs], turned, powers, shapes
+
+
+def responses_of(fit: Estimates, model: Linear, k: int, low: int, high: int) -> C128:
+    """What each input makes of each output on lines of a record, (output, input, line)."""
+    powers, _ = _powers(low, high, fit.omega0[k], max(fit.layout.orders) + 2)
+    sums = _sums(fit, model, powers)[1].transpose(2, 0, 1)
+    outputs = len(fit.outputs)
+    found = -np.linalg.solve(sums[:, :, :outputs], sums[:, :, outputs:])
+    return np.asarray(found.transpose(1, 2, 0))
+
+
+def _sums(fit: Estimates, model: Linear, powers: C128) -> tuple[list[Any], C128]:
+    """Turns by delays, and what stands before each channel in each equation, (equation, channel, line)."""
+    turned = [np.exp(-powers[1] * late) if late else 1.0 for late in model.late]
+    each = model.weights[0].reshape(len(fit.outputs), len(powers), -1).transpose(0, 2, 1) @ powers
+    sums = np.zeros((len(fit.outputs), len(fit.outputs) + len(fit.inputs), powers.shape[1]), complex)
     for j, channel in enumerate(model.of):
-        if channel < outputs:
-            p[:, channel] += each[:, j] * turned[j]
-    return v, p, turned, powers, shapes
+        sums[:, channel] += each[:, j] * turned[j]
+    return turned, sums
 
 
 def _ends(fit: Estimates, whiten: C128, shapes: C128) -> C128:
