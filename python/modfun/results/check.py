@@ -12,6 +12,7 @@ from ..base.cached import kept
 from ..base.tables import Findings
 from ..models.transfer_function import TransferFunction
 from ..records.steady import QUIET, standing
+from .actuators import limited_input, unlike_command
 from .band_end import beyond
 from .coloured_load import coloured_load
 from .cures import DRIFT, ENOUGH, again, best_cure, convincing, furthest
@@ -66,7 +67,7 @@ from .slow_inputs import slow_input
 from .sparse import sparse
 from .stand_in import stand_in
 from .still_inputs import of_still_inputs
-from .stopped import limited_input, too_many_poles
+from .stopped import too_many_poles
 from .swapped import swapped
 from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared, wandering
@@ -383,8 +384,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
-    fed_back, noisy_input, coloured_load, eliminated, not_linear, unexplained, one_cause, flips, unsettled,
-    unstable, condition, noise_mode, uncertain_poles, wandering, twin,
+    unlike_command, fed_back, noisy_input, coloured_load, eliminated, not_linear, unexplained, one_cause,
+    flips, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -437,6 +438,7 @@ def check(fit: Estimates, line: str) -> Findings:
             late_channel,
             bent,
             swapped,
+            unlike_command,
             fed_back,
             noisy_input,
             eliminated,
