@@ -151,7 +151,7 @@ WRONG = [
         nonlinear(lambda s, x, u: [x[1], 5 * np.clip(u, -0.6, 0.6) - 3 * x[1] - 8 * x[0]]),
         RIGHT2,
         None,
-        "Equation|pole|zero",
+        r"np\.clip\(rec",
     ),
     Setup(
         "drag by the square",

@@ -23,6 +23,7 @@ from ..records.record import Record
 from .cures import (
     CLOSE,
     ENOUGH,
+    STRONG,
     WORTH,
     again,
     best_cure,
@@ -36,7 +37,7 @@ from .cures import (
 from .diagnosis import diagnose, growth, level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free, still_held
 from .estimates import Estimates
-from .linear_lines import linear_of
+from .linear_lines import columns_of, linear_of, testable
 from .misfit import LIKE_GUSTS, UNLIKELY, UNSPOKEN, suspicious
 from .offsets import mean
 
@@ -116,9 +117,17 @@ class _Way:
     def bic(self, fit: Estimates) -> float:
         """BIC of that, and of the values that were found."""
         other = self.fitted(fit)
-        found = bic_beside(other, fit) if other is not None else inf
-        # The lag stands for a pole.
-        return found + log(fit.df_resid) * (1 + bool(self.lag)) if isfinite(found) else inf
+        return bic_beside(other, fit) + self.values(fit) if other is not None else inf
+
+    def values(self, fit: Estimates) -> float:
+        """What values that are found cost of BIC; the lag stands for a pole."""
+        return log(fit.df_resid) * (1 + bool(self.lag or self.kind == "both"))
+
+    def score(self, fit: Estimates) -> float:
+        """BIC, or of equations, whose fits take long, what one step of the parameters leaves of it."""
+        if not _linear(fit):
+            return self.bic(fit)
+        return _after_step(fit, self.records(fit)) + self.values(fit)
 
     def moved(self, x: F64, span: float) -> _Way:
         """The same with values so far away: of limits by parts of the range, others by powers."""
@@ -134,10 +143,10 @@ class _Way:
 
         if self.kind == "friction":  # the motion jumps with the value
             near = _frictions(fit, self.channel, np.geomspace(1 / CLOSER, CLOSER, TRIED) * self.value)
-            return min([self, *near], key=lambda way: way.bic(fit))
+            return min([self, *near], key=lambda way: way.score(fit))
         span, count = _span(fit, self.channel), 2 if self.lag or self.kind == "both" else 1
         found = minimize(
-            lambda x: self.moved(x, span).bic(fit),
+            lambda x: self.moved(x, span).score(fit),
             np.zeros(count),
             method="Nelder-Mead",
             options={
@@ -161,8 +170,20 @@ class _Way:
             for slower in SLOWER
             for part in LAGS
         ]
-        slow = min(starts, key=lambda way: way.bic(fit)).best(fit)
-        return slow if slow.bic(fit) < self.bic(fit) - CLOSE else self
+        slow = min(starts, key=lambda way: way.score(fit)).best(fit)
+        return slow if slow.score(fit) < self.score(fit) - CLOSE else self
+
+    def on_both_sides(self, fit: Estimates) -> _Way:
+        """The same with a limit at the other end, too, if that explains more."""
+        if self.kind not in ("top", "bottom"):
+            return self
+        values = np.concatenate([rec[self.channel] for rec in fit.records or ()])
+        near, far = self.value, values.min() if self.kind == "top" else values.max()
+        halves = [0.5 * abs(near - far) * part for part in PLACES]
+        sign = np.sign(far - near)
+        starts = [replace(self, kind="both", value=half, middle=float(near + sign * half)) for half in halves]
+        both = min(starts, key=lambda way: way.score(fit)).best(fit)
+        return both if both.score(fit) < self.score(fit) - CLOSE else self
 
 
 @kept
@@ -187,8 +208,8 @@ def _suspect(fit: Estimates) -> bool:
     layout: Any = fit.layout
     if not fit.inputs or fit.again is None or not suspicious(fit) or still_held(fit):
         return False
-    linear = fit.options.noise == "output" and (layout.rational or linear_of(fit) is not None)
-    if not (linear or fit.at_bound):
+    plain = fit.options.noise == "output" and (layout.rational or _linear(fit))
+    if not (plain or fit.at_bound):
         return False
     quick = layout.rational and not layout.free_delays
     if not level_p(fit) < (UNLIKELY if quick else SURE) or noise_free(fit) is not None:
@@ -197,19 +218,41 @@ def _suspect(fit: Estimates) -> bool:
     return few and not mean(fit)  # limits at the mean do what a constant does
 
 
+def _linear(fit: Estimates) -> bool:
+    """Whether these are linear equations, of which a step tells what a fit would."""
+    return not fit.layout.rational and testable(fit) and linear_of(fit) is not None
+
+
+def _after_step(fit: Estimates, records: tuple[Record, ...]) -> float:
+    """-2 log likelihood of linear equations with other records after one step, up to a constant."""
+    changes: dict[str, Any] = {"records": records, "unfolded": ()}
+    moved, model = replace(fit, **changes), linear_of(fit)
+    assert model is not None
+    parts = [columns_of(moved, model, k, exact=False) for k in range(len(records))]
+    if any(part is None for part in parts):
+        return inf
+    every = np.concatenate([part for part in parts if part is not None], axis=1)
+    columns, e = every[: fit.params.size].T, every[-1]
+    left = e - columns @ np.linalg.lstsq(columns, e, rcond=None)[0]
+    return (fit.df_resid + fit.params.size) * log(max(float(left @ left), 1e-300))
+
+
 def _likeliest(fit: Estimates) -> _Way | None:
     """The way that explains most, if it explains enough to be named."""
-    tried = [(way.bic(fit), k, way) for k, way in enumerate(_ways(fit))]
+    before = _after_step(fit, fit.records or ()) if _linear(fit) else bic_beside(fit, fit)
+    tried = [(way.score(fit), k, way) for k, way in enumerate(_ways(fit))]
     least, _, way = min(tried, default=(inf, 0, None))
-    if way is None or not least < bic_beside(fit, fit) - WORTH:
+    if way is None or not least < before - WORTH:
         return None
-    best = way.best(fit).behind_lag(fit)
-    return best if best.bic(fit) < bic_beside(fit, fit) - UNSPOKEN else None
+    best = way.best(fit).behind_lag(fit).on_both_sides(fit)
+    return best if best.score(fit) < before - UNSPOKEN else None
 
 
 def _explains(fit: Estimates, way: _Way, other: Estimates) -> bool:
     """Whether what is left is noise, or little, and no change of the structure explains as much."""
     after, noise_left = way.bic(fit), level_p(other) > ENOUGH
+    if not after < bic_beside(fit, fit) - UNSPOKEN:
+        return False
     rows = (fit.df_resid + fit.params.size) / len(fit.row_names)
     if fit.at_bound and (other.at_bound or not noise_left):
         return False
@@ -225,7 +268,10 @@ def _explains(fit: Estimates, way: _Way, other: Estimates) -> bool:
     else:
         cures.append(likely_cure(fit))
     bent = _with_powers(fit, way) if way.kind in LIMITS else inf
-    return after < min([bent, *(cure.after for cure in cures if cure is not None)]) - CLOSE
+    # Of limits and a cube that explain as much the limits are likelier.
+    # A limited rate is a delay where all steps are of one height: a linear change that does is likelier.
+    least = [cure.after - (STRONG if cure.level_p > ENOUGH else CLOSE) for cure in cures if cure is not None]
+    return after < min([bent + CLOSE, *least])
 
 
 def _ways(fit: Estimates) -> Iterator[_Way]:
@@ -237,27 +283,27 @@ def _ways(fit: Estimates) -> Iterator[_Way]:
         span, low = _span(fit, name), float(values.min())
         if not span > 0 or any(name in rec._functions for rec in fit.records or ()):
             continue
-        even = all(rec.dt is not None for rec in fit.records or ())
-        for part in np.geomspace(0.1, 10, 12 if quick else 6).tolist() if even else []:
-            yield _Way(name, "rate", part * span / period)
-        for part in np.geomspace(0.005, 0.25, 10 if quick else 6).tolist():
-            yield _Way(name, "backlash", part * span)
-        yield from _frictions(fit, name, np.geomspace(0.02, 0.6, 48 if quick else 8) * span)
         for part in PLACES:
             yield _Way(name, "both", part * span / 2, middle=low + span / 2)
             yield _Way(name, "top", low + part * span)
             yield _Way(name, "bottom", low + (1 - part) * span)
+        if not (layout.rational or _linear(fit)) or any(rec.dt is None for rec in fit.records or ()):
+            continue  # fits take long
+        for part in np.geomspace(0.1, 10, 12 if quick else 6).tolist():
+            yield _Way(name, "rate", part * span / period)
+        for part in np.geomspace(0.005, 0.25, 10 if quick else 6).tolist():
+            yield _Way(name, "backlash", part * span)
+        yield from _frictions(fit, name, np.geomspace(0.02, 0.6, 48 if quick else 8) * span)
 
 
-def _frictions(fit: Estimates, name: str, values: F64) -> Iterator[_Way]:
-    """Changes of a command that a sticking actuator needs, once for each motion that they make."""
-    seen = set()
+def _frictions(fit: Estimates, name: str, values: F64) -> list[_Way]:
+    """Changes of a command that a sticking actuator needs, in the middle of those that make one motion."""
+    same = dict[bytes, list[float]]()
     for value in values.tolist():
         way = _Way(name, "friction", value)
         motion = b"".join([way.position(rec, True).tobytes() for rec in fit.records or ()])
-        if motion not in seen:
-            seen.add(motion)
-            yield way
+        same.setdefault(motion, []).append(value)
+    return [_Way(name, "friction", (own[0] + own[-1]) / 2) for own in same.values()]
 
 
 def _with_powers(fit: Estimates, way: _Way) -> float:

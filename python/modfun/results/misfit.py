@@ -237,7 +237,8 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
     if found == "process":
         text += (
             " Their spectrum is that of something which drives the system itself, such as turbulence, load "
-            'or an input that is not in the record. First try that input, or noise="process".'
+            f"or an input that is not in the record.{_position(fit)} First try that input, or "
+            'noise="process".'
         )
         return Doubt(text, sure=d.chi2_p < SURE)
     if sure_only:
@@ -255,9 +256,9 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         )
     if found == "either":
         text += (
-            " Noise that drives the system, such as turbulence, looks like this, too; standard errors are "
-            "then too small. One record does not tell it from slow noise of the sensors: first take "
-            'noise="process", whose intervals hold for both.'
+            f"{_position(fit)} Noise that drives the system, such as turbulence, looks like this, too; "
+            "standard errors are then too small. One record does not tell it from slow noise of the sensors: "
+            'first take noise="process", whose intervals hold for both.'
         )
     if found == "coloured":
         low, high = fit.band
@@ -265,6 +266,17 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         over = f'noise="coloured", band=({low:.4g}, {high:.4g})'
         text += f" Coloured noise on the samples fits their spectrum: compare {over}, the band of this fit."
     return Doubt(text, sure=False)
+
+
+def _position(fit: Estimates) -> str:
+    """That a held input may be a command, which an actuator follows in its own way."""
+    held = [name for name, word in zip(fit.inputs, fit.intersample, strict=True) if word == "zoh"]
+    if not held:
+        return ""
+    return (
+        f" If {' or '.join(held)} is a command, a rate limit, backlash or friction of its actuator looks "
+        "like this, too: record the position, and take it as the input."
+    )
 
 
 def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[tuple[Doubt, float]]:
