@@ -49,6 +49,7 @@ NEAR, CLOSER = 1.5, 1.15  # factors of values within which these are
 SLOWER, LAGS = (0.4, 1.0), (0.3, 1.0)  # of the rate without a lag, and of 1/(the highest line): tried first
 PLACES = (0.3, 0.45, 0.6, 0.7, 0.8, 0.9)  # of the range of an input: limits that are tried
 LIMITS = ("both", "top", "bottom")  # kinds of limits of the range
+FEW = 3  # ways of which equations are fitted
 LESS = 4.0  # times less power: what leaves more than the noise is named where it explains so much
 
 
@@ -123,12 +124,6 @@ class _Way:
         """What values that are found cost of BIC; the lag stands for a pole."""
         return log(fit.df_resid) * (1 + bool(self.lag or self.kind == "both"))
 
-    def score(self, fit: Estimates) -> float:
-        """BIC, or of equations, whose fits take long, what one step of the parameters leaves of it."""
-        if not _linear(fit):
-            return self.bic(fit)
-        return _after_step(fit, self.records(fit)) + self.values(fit)
-
     def moved(self, x: F64, span: float) -> _Way:
         """The same with values so far away: of limits by parts of the range, others by powers."""
         if self.kind in LIMITS:
@@ -143,10 +138,10 @@ class _Way:
 
         if self.kind == "friction":  # the motion jumps with the value
             near = _frictions(fit, self.channel, np.geomspace(1 / CLOSER, CLOSER, TRIED) * self.value)
-            return min([self, *near], key=lambda way: way.score(fit))
+            return min([self, *near], key=lambda way: way.bic(fit))
         span, count = _span(fit, self.channel), 2 if self.lag or self.kind == "both" else 1
         found = minimize(
-            lambda x: self.moved(x, span).score(fit),
+            lambda x: self.moved(x, span).bic(fit),
             np.zeros(count),
             method="Nelder-Mead",
             options={
@@ -170,8 +165,8 @@ class _Way:
             for slower in SLOWER
             for part in LAGS
         ]
-        slow = min(starts, key=lambda way: way.score(fit)).best(fit)
-        return slow if slow.score(fit) < self.score(fit) - CLOSE else self
+        slow = min(starts, key=lambda way: way.bic(fit)).best(fit)
+        return slow if slow.bic(fit) < self.bic(fit) - CLOSE else self
 
     def on_both_sides(self, fit: Estimates) -> _Way:
         """The same with a limit at the other end, too, if that explains more."""
@@ -182,8 +177,8 @@ class _Way:
         halves = [0.5 * abs(near - far) * part for part in PLACES]
         sign = np.sign(far - near)
         starts = [replace(self, kind="both", value=half, middle=float(near + sign * half)) for half in halves]
-        both = min(starts, key=lambda way: way.score(fit)).best(fit)
-        return both if both.score(fit) < self.score(fit) - CLOSE else self
+        both = min(starts, key=lambda way: way.bic(fit)).best(fit)
+        return both if both.bic(fit) < self.bic(fit) - CLOSE else self
 
 
 @kept
@@ -223,10 +218,33 @@ def _linear(fit: Estimates) -> bool:
     return not fit.layout.rational and testable(fit) and linear_of(fit) is not None
 
 
-def _after_step(fit: Estimates, records: tuple[Record, ...]) -> float:
-    """-2 log likelihood of linear equations with other records after one step, up to a constant."""
+def _likeliest(fit: Estimates) -> _Way | None:
+    """The way that explains most, if it explains enough to be named."""
+    bar = bic_beside(fit, fit) - WORTH
+    tried = [(way.bic(fit), k, way) for k, way in enumerate(_promising(fit))]
+    least, _, way = min(tried, default=(inf, 0, None))
+    return way.best(fit).behind_lag(fit).on_both_sides(fit) if way and least < bar else None
+
+
+def _promising(fit: Estimates) -> list[_Way]:
+    """All ways, or of equations, whose fits take long, those of which one step leaves least."""
+    ways = list(_ways(fit))
+    if not _linear(fit):
+        return ways
+    bar = _after_step(fit, None) - UNSPOKEN
+    after = sorted([(_after_step(fit, way), k, way) for k, way in enumerate(ways)])
+    return [way for left, _, way in after[:FEW] if left < bar]
+
+
+def _after_step(fit: Estimates, way: _Way | None) -> float:
+    """-2 log likelihood of linear equations with a position after one step, up to a constant."""
+    records, model = way.records(fit) if way else fit.records or (), linear_of(fit)
+    if way and way.kind == "rate":  # equations sum inputs as they did
+        k = fit.inputs.index(way.channel)
+        both = zip(records, fit.records or (), strict=True)
+        records = tuple([_held(rec, k) if old.intersample[k] == "zoh" else rec for rec, old in both])
     changes: dict[str, Any] = {"records": records, "unfolded": ()}
-    moved, model = replace(fit, **changes), linear_of(fit)
+    moved = replace(fit, **changes)
     assert model is not None
     parts = [columns_of(moved, model, k, exact=False) for k in range(len(records))]
     if any(part is None for part in parts):
@@ -237,15 +255,11 @@ def _after_step(fit: Estimates, records: tuple[Record, ...]) -> float:
     return (fit.df_resid + fit.params.size) * log(max(float(left @ left), 1e-300))
 
 
-def _likeliest(fit: Estimates) -> _Way | None:
-    """The way that explains most, if it explains enough to be named."""
-    before = _after_step(fit, fit.records or ()) if _linear(fit) else bic_beside(fit, fit)
-    tried = [(way.score(fit), k, way) for k, way in enumerate(_ways(fit))]
-    least, _, way = min(tried, default=(inf, 0, None))
-    if way is None or not least < before - WORTH:
-        return None
-    best = way.best(fit).behind_lag(fit).on_both_sides(fit)
-    return best if best.score(fit) < before - UNSPOKEN else None
+def _held(rec: Record, channel: int) -> Record:
+    """The record with the mean of an input over each sample, held."""
+    u = rec[rec.inputs[channel]]
+    own: dict[str, Any] = {rec.inputs[channel]: np.r_[(u[:-1] + u[1:]) / 2, u[-1]]}
+    return otherwise(rec.assign(**own), channel, "zoh")
 
 
 def _explains(fit: Estimates, way: _Way, other: Estimates) -> bool:
