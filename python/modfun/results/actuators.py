@@ -39,6 +39,7 @@ from .doubts import SURE, Doubt, noise_free, still_held
 from .estimates import Estimates
 from .linear_lines import columns_of, linear_of, testable
 from .misfit import LIKE_GUSTS, UNLIKELY, UNSPOKEN, suspicious
+from .noisy_inputs import noisy_input
 from .offsets import mean
 
 __all__ = ["limited_input", "unlike_command"]
@@ -184,7 +185,7 @@ class _Way:
 @kept
 def unlike_command(fit: Estimates) -> Doubt | None:
     """That an actuator does not pass a command on as it is recorded, which explains what is left."""
-    if not _suspect(fit):
+    if not _suspect(fit) or noisy_input(fit):  # limits would cut off the noise of a command's levels
         return None
     way = _likeliest(fit)
     other = way.fitted(fit) if way else None

@@ -1,4 +1,4 @@
-"""Records most of whose samples are masked, and equations across gaps: errors are those of the samples left."""
+"""Records most of whose samples are masked, and equations across gaps: errors are of the samples left."""
 
 import warnings
 
@@ -70,7 +70,7 @@ def test_a_start_at_rest_holds_where_half_of_the_samples_are_masked():
 
 @pytest.mark.parametrize("gap", [9, 20])
 def test_equations_are_fitted_on_either_side_of_a_gap(gap):
-    """Of 12 records with 9 samples masked, 6 had not settled and the rest were up to 14 errors off, in silence.
+    """Of 12 records with 9 samples masked 6 had not settled, and the rest were up to 14 errors off, in silence.
 
     The root mean square of 12 normal errors is below 1.7 with probability 0.9995 each.
     """
@@ -88,7 +88,7 @@ def test_equations_are_fitted_on_either_side_of_a_gap(gap):
 
 
 def test_few_samples_between_gaps_are_no_error():
-    """What lies between two gaps was cut out, and refused for its few samples in words nobody had asked for."""
+    """What lies between two gaps was cut out, and refused for its few samples in words nobody asked for."""
     rec = mf.simulate(
         mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=1
     )
