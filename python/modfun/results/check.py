@@ -56,7 +56,7 @@ from .known_start import contradicted_p, gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
-from .multiplied import multiplied
+from .multiplied import misweighted, multiplied
 from .noise_modes import noise_mode
 from .noisy_inputs import noisy_input
 from .offsets import is_all, mean, offset
@@ -384,8 +384,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
-    unlike_command, fed_back, noisy_input, coloured_load, eliminated, not_linear, unexplained, one_cause,
-    flips, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
+    misweighted, unlike_command, fed_back, noisy_input, coloured_load, eliminated, not_linear, unexplained,
+    one_cause, flips, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 
@@ -438,6 +438,7 @@ def check(fit: Estimates, line: str) -> Findings:
             late_channel,
             bent,
             swapped,
+            misweighted,
             unlike_command,
             fed_back,
             noisy_input,

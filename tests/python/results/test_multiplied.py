@@ -36,3 +36,37 @@ def test_noise_that_multiplies_is_named(clean, seed):
 def test_noise_that_adds_is_not(clean, seed, noise):
     size = noise * clean.std(axis=1)[:, None]
     assert not said(np.abs(clean + size * np.random.default_rng(seed).standard_normal(clean.shape)) + 1e-9)
+
+
+EPIDEMIC = mf.Equation(
+    ["S' = -beta*S*I/5000", "I' = beta*S*I/5000 - g*I"], outputs=["I"], hidden=["S"]
+)  # fitted by log(I)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    def rates(_, x):
+        return [-0.5 * x[0] * x[1] / 5000, 0.5 * x[0] * x[1] / 5000 - 0.15 * x[1]]
+
+    return solve_ivp(rates, (0, 60), [4990, 10], t_eval=np.arange(61.0), rtol=1e-10, atol=1e-8).y[1]
+
+
+def warned(y):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        mf.fit(mf.Record(y={"I": y}, dt=1.0), EPIDEMIC)
+    return [str(one.message) for one in caught]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_counts_whose_equation_takes_logarithms_are_the_one_warning(cases, seed):
+    rng = np.random.default_rng(seed)
+    (counted,) = warned(np.maximum(rng.poisson(cases), 1.0))
+    assert "First try rec.weigh(sigma=np.sqrt(rec.y))" in counted
+    (scaled,) = warned(cases * np.exp(0.05 * rng.standard_normal(61)))
+    assert 'First try noise="log-normal"' in scaled
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_even_noise_beside_logarithms_is_no_warning(cases, seed):
+    assert not warned(cases[8:50] + 10 * np.random.default_rng(seed).standard_normal(42))
