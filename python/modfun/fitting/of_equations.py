@@ -28,6 +28,7 @@ from .delay_starts import delay_starts
 from .gaps import across, between, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
+from .signs import positive
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -161,7 +162,8 @@ def fit_equation(
         fit = _sought(records, structure, options, layout, again, levels, late, within) if late else None
         if fit and fit.success and not fit.at_bound:
             return fit
-    sought = partial(_sought, records, structure, options, layout, again, levels, starts)
+    sought_from = partial(_sought, records, structure, options, layout, again, levels)
+    sought = partial(sought_from, starts)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
         within = None  # a start that was found farther out
     fit = sought(within)
@@ -169,19 +171,18 @@ def fit_equation(
         fit = sought(None)
     told = layout.formulas.words["starts"]
     if fit.success or starts is not None:
-        return fit
+        return fit if starts is not None else positive(fit, sought_from)
     if any([start is not None for start in told]):
         # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.
         signed = tuple(
             (max(low, 0.0) if start and start > 0 else low, min(high, 0.0) if start and start < 0 else high)
             for start, (low, high) in zip(told, within or layout.formulas.words["bounds"], strict=True)
         )
-        other = _sought(records, structure, options, layout, again, levels, [None] * len(told), signed)
+        other = sought_from([None] * len(told), signed)
         if settled_within(other, layout):
             return other
-    boxed = partial(_sought, records, structure, options, layout, again, levels)
     learns = options.noise in ("output", "coloured") and len(layout.outputs) > 1
-    return restarted(boxed, structure, layout, records, learns) or fit
+    return restarted(sought_from, structure, layout, records, learns) or fit
 
 
 def _sought(

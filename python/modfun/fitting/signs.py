@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import inf
 from typing import Any
@@ -13,9 +14,33 @@ from ..errors import DataError
 from ..results.estimates import COVARIANCES
 from ..results.of_equations import EquationFit
 
-__all__ = ["signed", "signs_open"]
+__all__ = ["positive", "signed", "signs_open"]
 
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
+MIRRORED = 1e-3  # relative difference of costs within which searches end at the same minimum
+
+
+def positive(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
+    """The fit with positive exponents, where their other signs make the same equations.
+
+    `sought(starts, within)`: the fit from there. Exponents with a start keep the sign that it leads to.
+    """
+    words: Any = fit.layout.formulas.words
+    if words["linear"] or not words["signal_slopes"] or not fit.usable:
+        return fit
+    from ..equations.symbolic.mirrors import exponents, mirrors
+
+    at = [k for k in exponents(fit.layout.compiled) if words["starts"][k] is None]
+    for other in mirrors(fit.layout.compiled, fit.params):
+        if np.sum(other[at] < 0) < np.sum(fit.params[at] < 0):
+            within = tuple(
+                (max(low, 0.0) if k in at and other[k] > 0 else low, high)
+                for k, (low, high) in enumerate(words["bounds"])
+            )
+            found = sought(other.tolist(), within)  # with bounds: the search has starts of its own
+            if found.success and found.cost <= (1 + MIRRORED) * fit.cost:
+                return found
+    return fit
 
 
 def signed(fit: EquationFit) -> EquationFit:

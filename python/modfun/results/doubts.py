@@ -123,11 +123,14 @@ def twin(fit: Estimates) -> Doubt | None:
     """That other parameters make the same equations."""
     if fit.layout.rational:
         return None
+    from ..equations.symbolic.mirrors import exponents, mirrors
     from ..equations.symbolic.twins import twins
 
     layout: Any = fit.layout  # that of equations
     compiled = layout.compiled
     found = twins(compiled, fit.params)
+    if not found and (found := mirrors(compiled, fit.params)):
+        return Doubt(_mirrored(fit, found[0], exponents(compiled)), sure=False)
     if not found:
         return None
     sets = []
@@ -148,6 +151,18 @@ def twin(fit: Estimates) -> Doubt | None:
         f"tells these parameters from the estimates. To choose, bound one: params={{{name!r}: {keeps}}} "
         f"keeps the estimates, {takes} takes {'those' if len(found) == 1 else 'the first of those'}{more}.",
         sure=any(_open(fit, other) for other in found),
+    )
+
+
+def _mirrored(fit: Estimates, other: NDArray[np.float64], exponents: Sequence[int]) -> str:
+    """That the other sign of an exponent makes the same equations, in words."""
+    moved = np.abs(other - fit.params) > 1e-9 * np.abs(fit.params)
+    names = [f"{n} = {x:.4g}" for n, x, on in zip(fit.param_names, other, moved, strict=True) if on]
+    k = next(k for k in exponents if moved[k])
+    side = "max" if other[k] < 0 else "min"
+    return (
+        f"With {listed(names)} the equations are the same: the other sign of {fit.param_names[k]} changes no "
+        f"more than factors. To choose it, params={{{fit.param_names[k]!r}: mf.Free({side}=0)}}."
     )
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import random
 from itertools import groupby
 
+import numpy as np
 import sympy
 
 from .compiled import Compiled
 from .meaning import parameter
+from .mirrors import exponents, mirrors
 from .words import listed
 
 __all__ = ["determined", "identify"]
@@ -48,6 +50,15 @@ def identify(
         sentences.append(f"{listed(lost_before)}: in no term, so that no record says anything about it.")
     if lost:
         sentences.append(_words(lost, names, spaces, points))
+    at = np.array([float(points[0][name]) for name in names])
+    for other in [] if lost else mirrors(compiled, at):
+        turned = next(names[k].name for k in exponents(compiled) if other[k] != at[k])
+        more = [s.name for s, new, old in zip(names, other, at, strict=True) if abs(new - old) > 1e-9 * old]
+        sentences.append(
+            f"{turned}: its other sign makes the same equations with other values of "
+            f"{listed([name for name in more if name != turned])}. To choose one, "
+            f"params={{{turned!r}: mf.Free(min=0)}}."
+        )
     return found, (*lost, *lost_before), len(names) - len(null), tuple(sentences)
 
 
