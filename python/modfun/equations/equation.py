@@ -217,7 +217,7 @@ class Equation(Written):
         -------
         NonlinearModel
         """
-        return model_of(self.compiled(), params, self)
+        return model_of(self.simulated(), params, self)
 
     def to_latex(self, numbers: Mapping[str, str] | None = None) -> str:
         r"""The equations as LaTeX, as lines aligned at their equals signs.
@@ -290,6 +290,9 @@ class Equation(Written):
     def _compiled(self) -> Compiled:
         return _compiled(self)
 
+    def _simulated(self) -> Compiled:
+        return _simulated(self)
+
     def _title(self) -> tuple[str, ...]:
         return self.texts
 
@@ -316,6 +319,19 @@ def _compiled(model: Equation) -> Compiled:
     from .symbolic.compiler import compile_system
 
     return compile_system(equations_of(model), "Equation")
+
+
+@lru_cache(128)
+def _simulated(model: Equation) -> Compiled:
+    """Compiled, or without terms where hidden signals cannot be eliminated."""
+    from .symbolic.compiler import as_written
+
+    try:
+        return _compiled(model)
+    except SpecError:
+        if not model.hidden:
+            raise
+        return as_written(equations_of(model))
 
 
 def equations_of(model: Equation) -> System:

@@ -138,7 +138,29 @@ class Written:
             Without SymPy (extra ``symbolic``).
         """
         optional("sympy", "symbolic", self._kind)
-        compiled = self._compiled()
+        return self._for_channels(self._compiled(), outputs, inputs)
+
+    def simulated(
+        self, outputs: Sequence[str] | None = None, inputs: Sequence[str] | None = None
+    ) -> Compiled:
+        """The same for simulation alone, where signals that are not measured need not be eliminated.
+
+        Parameters
+        ----------
+        outputs, inputs : sequence of str, optional
+            As in `compiled`.
+
+        Returns
+        -------
+        Compiled
+            Without terms where a signal that is not measured cannot be eliminated.
+        """
+        optional("sympy", "symbolic", self._kind)
+        return self._for_channels(self._simulated(), outputs, inputs)
+
+    def _for_channels(
+        self, compiled: Compiled, outputs: Sequence[str] | None, inputs: Sequence[str] | None
+    ) -> Compiled:
         have = self.outputs if outputs is None else tuple(outputs)
         known = self.inputs if inputs is None else tuple(inputs)
         self._match(have, known)
@@ -206,6 +228,9 @@ class Written:
 
     def _compiled(self) -> Compiled:
         raise NotImplementedError
+
+    def _simulated(self) -> Compiled:
+        return self._compiled()
 
     def _title(self) -> tuple[str, ...]:
         raise NotImplementedError

@@ -115,8 +115,8 @@ class _Problem:
         else:
             records = [model.own_channels(rec) for rec in records]
             for rec in records:
-                model.compiled(rec.outputs, rec.inputs)  # refuses what does not go together
-            self.names = tuple(model.param_names())
+                model.simulated(rec.outputs, rec.inputs)  # refuses what does not go together
+            self.names = tuple(model.simulated().parameters)
             held = {name for name, given in model.params if not isinstance(given, Free)}
             if lost := set(model.all_parameters) - held - set(self.names):
                 raise SpecError(

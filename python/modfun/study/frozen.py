@@ -107,7 +107,7 @@ def thaw(value: Any, arrays: Arrays) -> Any:
         return _READ[name].from_dict(json.loads(given["text"]))
     if name == "NonlinearModel":
         structure = given["structure"]
-        return model_of(structure.compiled(), given["params"], structure)
+        return model_of(structure.simulated(), given["params"], structure)
     kind = _KINDS.get(name) or _imported(name)
     if isinstance(kind, Lost):
         return kind

@@ -17,7 +17,7 @@ from .rosenfeld import available, rosenfeld
 from .system import System
 from .words import listed, said
 
-__all__ = ["compile_system"]
+__all__ = ["as_written", "compile_system"]
 
 MOST_FACTORED = 8  # terms of a coefficient
 MOST_TERMS = 3000  # of an equation once it is multiplied out
@@ -52,7 +52,8 @@ def compile_system(system: System, what: str) -> Compiled:
             hard = isinstance(fault, TooHard) and available()
             left = rosenfeld(equations, system.hidden, system.outputs, moving) if hard else None
             if left is None:
-                raise SpecError(f"{what}: {fault}") from None
+                cure = f"; {_by_response(system)}" if isinstance(fault, TooHard) else ""
+                raise SpecError(f"{what}: {fault}{cure}") from None
             equations = left
             gone = (f"{listed(system.hidden)}: eliminated by Rosenfeld and Gröbner's algorithm.",)
         if not equations:
@@ -66,27 +67,37 @@ def compile_system(system: System, what: str) -> Compiled:
         try:
             found, words = arrange(_separated(_logarithms(expr, moving), moving), moving, system.outputs)
         except NotExact as fault:
-            raise SpecError(_outside(fault, moving, what)) from None
+            told = _not_eliminated(fault, system, what) if system.hidden else _outside(fault, moving, what)
+            raise SpecError(told) from None
         own, more = _normal(_terms(e, found, moving, system.outputs), turn=bool(system.hidden))
         if not own:
             raise SpecError(f"{what}: equation {e + 1} says 0 = 0; there is nothing to fit")
         terms += own
         number = f"Equation {e + 1}: " if len(equations) > 1 else ""
         steps += [number + text for text in (*words, *more)]
-    source = tuple(moving.public(expr) for expr in system.source or system.equations)
+    return _compiled(system, tuple(terms), tuple(steps))
+
+
+def as_written(system: System) -> Compiled:
+    """A system without terms, to simulate: hidden signals stay."""
+    return _compiled(system, (), ())
+
+
+def _compiled(system: System, terms: tuple[Term, ...], steps: tuple[str, ...]) -> Compiled:
+    source = tuple(system.moving.public(expr) for expr in system.source or system.equations)
     parts = [x for t in terms for x in (t.coefficient, t.signal, t.factor) if x is not None]
-    used = {s for x in parts for s in x.free_symbols}
+    used = {s for x in parts or source for s in x.free_symbols}
     names = {s.name for s in used}
     return Compiled(
         outputs=system.outputs,
         inputs=system.inputs,
         parameters=tuple(name for name in system.parameters if name in names),
         free={name: given for name, given in system.free.items() if name in names},
-        terms=tuple(terms),
+        terms=terms,
         known=system.functions(used | {s for x in source for s in x.free_symbols}),
         source=source,
         hidden=system.unmeasured or system.hidden,
-        steps=tuple(steps),
+        steps=steps,
         varying=dict(system.varying),
         fixed=dict(system.fixed),
     )
@@ -180,6 +191,22 @@ def _size(expr: sympy.Expr) -> int:
     if expr.is_Pow and expr.exp.is_Integer and expr.exp > 1:
         return int(min(sympy.binomial(_size(expr.base) + int(expr.exp) - 1, int(expr.exp)), 10 * MOST_TERMS))
     return 1
+
+
+def _not_eliminated(fault: NotExact, system: System, what: str) -> str:
+    """That hidden signals leave what is no term, in words."""
+    names = listed(system.hidden)
+    return (
+        f"{what}: {names} {'is' if len(system.hidden) == 1 else 'are'} not measured, and eliminating leaves "
+        f"{said(system.moving.public(fault.term))}, which is neither the derivative of a signal nor the "
+        f"product of a signal and one; measure {names}, or {_by_response(system)}"
+    )
+
+
+def _by_response(system: System) -> str:
+    """The way without elimination, in words."""
+    held = ", ".join(f"{name!r}: ..." for name in system.parameters if name not in system.fixed)
+    return f"fit the response from starts, mf.rivals.output_error(model, start={{{held}}})(rec)"
 
 
 def _outside(fault: NotExact, moving: Moving, what: str) -> str:
