@@ -14,6 +14,7 @@ from .exact import NotExact, Piece
 from .jets import Moving
 from .multipliers import arrange
 from .rosenfeld import available, rosenfeld
+from .shared import combined
 from .system import System
 from .words import listed, said
 
@@ -62,6 +63,9 @@ def compile_system(system: System, what: str) -> Compiled:
                 "more equations"
             )
         steps += gone
+    else:
+        equations, shared = combined(equations, moving, system.outputs)
+        steps += shared
     terms: list[Term] = []
     for e, expr in enumerate(equations):
         try:

@@ -14,7 +14,7 @@ from .integrals import antiderivative
 from .jets import Moving
 from .words import listed, said
 
-__all__ = ["arrange"]
+__all__ = ["arrange", "is_freed", "mixing"]
 
 CLEARED = "The equation was multiplied by its denominators, to free signals of parameters."
 _POWERS = (0, -1, -2, 1)
@@ -84,14 +84,32 @@ def arrange(
     )
 
 
+def mixing(term: sympy.Expr, moving: Moving) -> list[tuple[sympy.Expr, sympy.Expr]]:
+    """Denominators of a term that mix parameters and signals, and their powers."""
+    factors = [factor.as_base_exp() for factor in sympy.Mul.make_args(term)]
+    return [
+        (b, n)
+        for b, n in factors
+        if b.is_Add and n.is_Integer and n.is_negative and moving.symbols(b) and moving.parameters(b)
+    ]
+
+
+def is_freed(expr: sympy.Expr, moving: Moving, outputs: tuple[str, ...]) -> bool:
+    """Whether an equation is arranged as derivatives of signals without parameters inside."""
+    try:
+        found, _ = arrange(expr, moving, outputs)
+    except NotExact:
+        return False
+    return all(piece.factor is None for piece in found) and not _has_parameters(found, moving)
+
+
 def _clear(expr: sympy.Expr, moving: Moving) -> sympy.Expr | None:
     """An equation times the denominators that mix parameters and signals; None: there are none."""
     terms = sympy.Add.make_args(sympy.expand(expr))
     most: dict[sympy.Expr, sympy.Expr] = {}
     for term in terms:
-        for b, n in (factor.as_base_exp() for factor in sympy.Mul.make_args(term)):
-            if b.is_Add and n.is_Integer and n.is_negative and moving.symbols(b) and moving.parameters(b):
-                most[b] = max(most.get(b, sympy.S.Zero), -n)
+        for b, n in mixing(term, moving):
+            most[b] = max(most.get(b, sympy.S.Zero), -n)
     common = sympy.Mul(*(b**n for b, n in most.items()))
     return sympy.Add(*(sympy.expand(term * common) for term in terms)) if most else None
 
