@@ -39,7 +39,7 @@ def restarted(
     if words["linear"]:
         return None  # linear ones begin at their minimum
     own = words["bounds"]
-    inside = {k for _, k, _ in words["signal_slopes"]}
+    inside = {k for _, k, _ in words["signal_slopes"]} | _compared(layout.compiled)
     asked = sizes(structure, layout.param_names, records).tolist()
     for starts, box in _boxes(asked, words["starts"], own, inside):
         for learn in (True, False) if learns else (True,):
@@ -55,6 +55,20 @@ def restarted(
     return None
 
 
+def _compared(compiled: Any) -> set[int]:
+    """Parameters that the user's equations add to signals in denominators, wherever the compiler put them."""
+    import sympy
+
+    signals = {*compiled.outputs, *compiled.inputs, *compiled.hidden}
+    found: set[str] = set()
+    for expr in compiled.source:
+        for power in expr.atoms(sympy.Pow):
+            names = {s.name for s in power.base.free_symbols}
+            if power.base.is_Add and power.exp.is_negative and names & signals:
+                found |= names
+    return {k for k, name in enumerate(compiled.parameters) if name in found}
+
+
 def settled_within(fit: Any, layout: EquationLayout) -> bool:
     """Whether a search within closer bounds ended at a minimum: on no bound but a user's own."""
     own = layout.formulas.words["bounds"]
@@ -67,7 +81,7 @@ def _boxes(
 ) -> Iterator[tuple[list[float], Bounds]]:
     """Starts and bounds about them, within a user's own bounds.
 
-    `inside`: parameters inside signals, as in S/(Ks + S), which cross zero last: with the other sign such a
+    `inside`: parameters beside signals, as in S/(Ks + S), which cross zero last: with the other sign such a
     term has a pole.
     """
     every = set(range(len(sizes)))
