@@ -70,7 +70,7 @@ def test_a_start_at_rest_holds_where_half_of_the_samples_are_masked():
 
 @pytest.mark.parametrize("gap", [9, 20])
 def test_equations_are_fitted_on_either_side_of_a_gap(gap):
-    """Of 12 records with 9 samples masked 6 had not settled, and the rest were up to 14 errors off, in silence.
+    """Of 12 records with 9 samples masked 6 had not settled and others were up to 14 errors off, in silence.
 
     The root mean square of 12 normal errors is below 1.7 with probability 0.9995 each.
     """
