@@ -61,6 +61,15 @@ impl Panel {
         numbers(&self.data).iter().step_by(step).take(self.rows).copied()
     }
 
+    /// How far right of the diagonal numbers stand at most, of the square that begins each row.
+    fn reach(&self) -> usize {
+        let last = |row: usize| self.row(row)[..self.rows].iter().rposition(|x| *x != 0.0);
+        (0..self.rows)
+            .map(|row| last(row).map_or(0, |at| at.saturating_sub(row)))
+            .max()
+            .unwrap_or(0)
+    }
+
     /// As [`Panel::row`], to be written.
     pub fn row_mut(&mut self, row: usize) -> &mut [f64] {
         numbers_mut(&mut self.data[row * self.width..(row + 1) * self.width])
@@ -102,11 +111,14 @@ impl Kernel for Whiten<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let Whiten { panel, least } = self;
-        let (rows, width) = (panel.rows, panel.width);
+        let (rows, width, reach) = (panel.rows, panel.width, panel.reach());
         for first in (0..rows).step_by(RANK) {
             let (above, own) = panel.data.split_at_mut(first * width);
             let own = &mut own[..RANK.min(rows - first) * width];
-            let mut block = first / LANES;
+            // Rows further up have nothing in common with these: white noise of different lines has not.
+            let above = &above[first.saturating_sub(reach) * width..];
+            let empty = (first + RANK + reach).div_ceil(LANES)..rows / LANES;
+            let block = first / LANES;
             let mut strip = Strip::<L>::load(own, width, block);
             strip.reduce(above, width, above, width, first, block);
             let pivots = strip.pivot(first % LANES, &least[first..]);
@@ -115,13 +127,11 @@ impl Kernel for Whiten<'_> {
             for (k, row) in own.chunks_exact_mut(width).enumerate() {
                 row[block].0[first % LANES + k] = pivots.roots[k];
             }
-            block += 1;
-            while block < width {
+            for block in (block + 1..width).filter(|block| !empty.contains(block)) {
                 let mut strip = Strip::<L>::load(own, width, block);
                 strip.reduce(above, width, above, width, first, block);
                 strip.finish(&pivots);
                 strip.store(own, width, block);
-                block += 1;
             }
         }
     }
@@ -149,11 +159,13 @@ impl Kernel for WhitenMore<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let WhitenMore { factor, columns } = self;
-        let (rows, width) = (columns.rows, columns.width);
+        let (rows, width, reach) = (columns.rows, columns.width, factor.reach());
         for first in (0..rows).step_by(RANK) {
             let (above, own) = columns.data.split_at_mut(first * width);
             let own = &mut own[..RANK.min(rows - first) * width];
             let (done, rest) = factor.data.split_at(first * factor.width);
+            let start = first.saturating_sub(reach);
+            let (done, above) = (&done[start * factor.width..], &above[start * width..]);
             let pivots = Pivots::of(rest, factor.width, first);
             for block in 0..width {
                 let mut strip = Strip::<L>::load(own, width, block);
@@ -361,6 +373,41 @@ mod tests {
                 .collect();
             assert_eq!(*first.get_or_insert(bits.clone()), bits, "{isa:?}");
         }
+    }
+
+    #[test]
+    fn what_only_neighbours_share_is_whitened_to_the_same_bits_as_with_a_far_number() {
+        // A number in the corner that is lost in the sum makes the panel dense and changes no other one.
+        let (n, c, near) = (43, 3, 5);
+        let whitened = |corner: f64| {
+            let (mut p, mut more, mut least) = (Panel::default(), Panel::default(), Vec::new());
+            p.resize(n, n + c);
+            more.resize(n, c);
+            for i in 0..n {
+                for j in i..n.min(i + near) {
+                    p.set(i, j, if i == j { 4.0 } else { value(i * 37 + j * 11) });
+                }
+                for j in 0..c {
+                    p.set(i, n + j, value(i * 7 + j * 101));
+                    more.set(i, j, value(i * 7 + j * 101));
+                }
+            }
+            p.set(0, n - 1, corner);
+            least.extend(p.diagonal().map(floor));
+            whiten(Isa::Plain, &mut p, &least);
+            whiten_more(Isa::Plain, &p, &mut more);
+            let upper = |i: usize| {
+                (i..n + c).filter(move |j| *j != n - 1 || i + near >= n).map(move |j| (i, j))
+            };
+            let all: Vec<u64> =
+                (0..n).flat_map(upper).map(|(i, j)| (p.get(i, j) + 0.0).to_bits()).collect();
+            let beside: Vec<u64> =
+                (0..n * c).map(|k| (more.get(k / c, k % c) + 0.0).to_bits()).collect();
+            (p.reach(), all, beside)
+        };
+        let (dense, banded) = (whitened(1e-300), whitened(0.0));
+        assert_eq!((dense.0, banded.0), (n - 1, near - 1));
+        assert!(dense.1 == banded.1 && dense.2 == banded.2);
     }
 
     #[test]
