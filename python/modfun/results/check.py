@@ -45,6 +45,7 @@ from .doubts import (
     unstable,
 )  # fmt: skip
 from .driven_equations import one_cause
+from .early_outputs import early_output
 from .estimates import Estimates
 from .feedback import feedback
 from .free_motion import bent
@@ -381,7 +382,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     coded, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated, sparse,
-    not_from_zero, runaway, noise_bends, too_many_poles, limited_input, bounded, drifts, misbegun,
+    not_from_zero, runaway, noise_bends, too_many_poles, early_output, limited_input, bounded, drifts,
+    misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
     misweighted, unlike_command, fed_back, noisy_input, coloured_load, eliminated, not_linear, unexplained,
@@ -420,6 +422,8 @@ def check(fit: Estimates, line: str) -> Findings:
         said = {look: look(_seen(look, fit, whole)) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))
+        if said[early_output]:
+            said |= dict.fromkeys((limited_input, bounded))
         found = list(said.values())
         note = noise_free(whole)
         first = (
