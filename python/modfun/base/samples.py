@@ -265,6 +265,13 @@ def times_of(
         steps = np.diff(times)
     if not (steps > 0).all():
         bad = int(np.flatnonzero(steps <= 0)[0])
+        if coarse := coarse_clock(times):
+            count, step = coarse
+            raise DataError(
+                f"Record: time does not increase at index {bad + 1}: t is {times[bad]:.10g} in {count} "
+                f"samples in a row, by a clock with steps of {count * step:.4g} s, too coarse for the "
+                f"samples; give dt={step:.6g} instead of the times"
+            )
         raise DataError(
             f"Record: time does not increase at index {bad + 1}: t = {times[bad]:.10g}, then "
             f"{times[bad + 1]:.10g}; sort the samples, drop repeated ones, or give dt= if the clock is at "
@@ -274,6 +281,21 @@ def times_of(
         raise SpecError("Record: the steps of t are out of range; give time in another unit")
     mean = even_step(times)
     return (times, None) if mean is None else (times[0] + mean * np.arange(count), mean)
+
+
+def coarse_clock(times: F64) -> tuple[int, float] | None:
+    """Samples for each reading of a clock that is too coarse for them, and their step; None of other clocks.
+
+    Readings repeat in runs of one length, give or take one; the first and the last run may be cut.
+    """
+    steps = np.diff(times)
+    at = np.flatnonzero(steps)
+    if at.size < 3 or not (steps[at] > 0).all():
+        return None
+    runs = np.diff(at)
+    count, jump = float(np.mean(runs)), float(np.mean(steps[at[1:]]))
+    even = np.ptp(runs) <= 1 and np.ptp(steps[at]) <= EVEN * jump and at[0] < runs.max()
+    return (round(count), jump / count) if even and runs.min() > 1 else None
 
 
 def even_step(times: F64, rows: F64 | None = None) -> float | None:

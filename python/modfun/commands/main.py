@@ -17,12 +17,12 @@ from ..errors import DataError, ModfunError, ModfunWarning, SpecError
 # Options of functions that the command line has by another name than --name.
 RENAMED = {"outputs": "output", "inputs": "input"}
 OPTIONS = (
-    "outputs", "inputs", "time", "dt", "intersample", "missing", "part", "units", "only", "on", "poles",
-    "zeros", "delay", "denominator", "method", "band", "harmonics", "trend", "noise", "cov_type", "rule",
-    "initial_state", "reference", "library", "target",
+    "outputs", "inputs", "time", "dt", "intersample", "missing", "missing_values", "part", "units", "only",
+    "on", "poles", "zeros", "delay", "denominator", "method", "band", "harmonics", "trend", "noise",
+    "cov_type", "rule", "initial_state", "reference", "library", "target",
 )  # fmt: skip
 # Not in a call that is quoted, rec.select(outputs=...).
-SAID = re.compile(rf"""(?<![(\w.])({"|".join(OPTIONS)})=(?:'([\w.]*)'|"([\w.]*)"|(?=([\w\[({{-]))|)""")
+SAID = re.compile(rf"""(?<![(\w.])({"|".join(OPTIONS)})=(?:'([\w.]*)'|"([\w.]*)"|(?=(['"\w\[({{-]))|)""")
 SWITCHES = re.compile(r"(?<![(\w.])(robust|stable)=True\b")
 
 __all__ = ["main"]

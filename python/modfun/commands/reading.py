@@ -88,8 +88,15 @@ class Reading:
         str | None, typer.Option(help="Which of these records, counted from 0, such as 0,1,2.", **DATA)
     ] = None
     missing: Annotated[
-        str, typer.Option(help="Gaps in outputs: refuse, or mask to leave them out.", **DATA)
+        str,
+        typer.Option(
+            help="Gaps: refuse, mask to leave those of outputs out, or hold to hold inputs, too.", **DATA
+        ),
     ] = "refuse"
+    missing_values: Annotated[
+        list[str] | None,
+        typer.Option(metavar="TEXT", help="A text that marks missing values; repeat for several.", **DATA),
+    ] = None
 
     @property
     def outputs(self) -> list[str]:
@@ -116,6 +123,7 @@ class Reading:
                 units=pairs_of("--units", self.units),
                 intersample=one_or_all(self.intersample),
                 missing=self.missing,
+                missing_values=self.missing_values,
                 part=self.part,
             )
             for file in self.files

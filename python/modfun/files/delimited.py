@@ -44,19 +44,29 @@ SAMPLE = 20  # lines that show where a table begins
 LONGEST_UNIT = 12  # letters; more is a description
 UTF16 = (b"\xff\xfe", b"\xfe\xff")  # how a file of "Unicode text" begins
 SEPARATOR = re.compile(r"sep=([,;\t])")  # the first line that Excel writes and reads
-MISSING = {
-    "", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "---", ".", "#nv", "#n/a", "bad"
-}  # fmt: skip
+MISSING = frozenset((
+    "", "nan", "na", "n/a", "<na>", "nat", "null", "none", "-", "--", "---", ".", "#nv", "#n/a",
+    # What spreadsheets write where a formula fails,
+    "#value!", "#ref!", "#div/0!", "#num!", "#name?", "#wert!", "#bezug!", "#zahl!",
+    # and data historians where a value is of bad quality.
+    "bad", "bad data", "bad input", "bad quality", "bad value", "set to bad", "no data", "no good data",
+    "no result", "no value", "invalid", "invalid data", "invalid float", "i/o timeout", "timeout",
+    "scan timeout", "scan off", "comm fail", "comm error", "calc failed", "equip fail", "intf shut",
+    "shutdown", "out of serv", "out of service", "not connect", "not connected", "pt created", "configure",
+    "failed", "error", "over range", "under range", "arc off-line", "unit down", "keine daten",
+))  # fmt: skip
 
 
-def number(text: str) -> float | None:
+def number(text: str, marks: frozenset[str] = frozenset()) -> float | None:
     """Return the number a text stands for, nan for the usual marks of a missing value, else None.
+
+    `marks`: further ones, in lower case.
 
     Times of day, ``14:05:36.02`` or with the day of the year before, ``325:14:05:36.02``, are seconds; dates,
     ``2026-03-01T14:05:36.02Z``, ``1.3.2026 14:05:36.02`` or ``3/1/2026 2:05 PM``, are seconds from 1970 on.
     """
     stripped = text.strip()
-    if stripped.lower() in MISSING:
+    if stripped.lower() in MISSING or stripped.lower() in marks:
         return math.nan
     if stripped.lower() in TRUTH:
         return TRUTH[stripped.lower()]
@@ -92,14 +102,14 @@ def is_date(text: str) -> bool:
     return bool(CLOCK.fullmatch(text.strip()) or DATE.fullmatch(text.strip()))
 
 
-def numbers(texts: Sequence[str]) -> tuple[F64, int | None]:
-    """Return the numbers of a column of texts, and the first row that holds none.
+def numbers(texts: Sequence[str], marks: frozenset[str] = frozenset()) -> tuple[F64, int | None]:
+    """Return the numbers of a column of texts, and the first row that holds none; `marks` as in `number`.
 
     Dates become seconds from the first one. Times of day without a day go on over midnight.
     """
     values = np.full(len(texts), np.nan)
     for row, text in enumerate(texts):
-        found = number(text)
+        found = number(text, marks)
         if found is None:
             return values, row
         values[row] = found
@@ -166,6 +176,7 @@ class Delimited:
     line_numbers: list[int]
     units: dict[str, str]
     sheet: bool = False  # of a workbook, whose cells may be numbers beside texts with decimal commas
+    marks: frozenset[str] = frozenset()  # of missing values, beside the usual ones, in lower case
 
     def load(self, names: Sequence[str]) -> dict[str, F64]:
         """Return the numbers of some columns, nan where one is missing.
@@ -198,7 +209,10 @@ class Delimited:
             return None
         for place, texts in enumerate(self._texts):
             row = next((k for k, text in enumerate(texts) if COMMA.fullmatch(text)), None)
-            if row is not None and all(number(_with_points(text)) is not None for text in texts):
+            if row is None:
+                continue
+            read = sum(number(_with_points(text), self.marks) is not None for text in texts)
+            if 2 * read > len(texts):  # others are words that nobody knows, which are refused by name
                 return place, row
         return None
 
@@ -239,10 +253,14 @@ class Delimited:
         return [text.replace(",", ".") for text in plain]
 
     def _column(self, place: int, texts: Sequence[str]) -> F64:
-        values, wrong = numbers(texts if self._comma is None else self._without_thousands(place, texts))
+        read = texts if self._comma is None else self._without_thousands(place, texts)
+        values, wrong = numbers(read, self.marks)
         if wrong is not None:
             text = texts[wrong].strip()
-            cure = "correct it, or put # before the line to skip it"
+            cure = (
+                "correct it, put # before the line to skip it, or give "
+                f"missing_values={text!r} if it marks a missing value"
+            )
             if "," in text and number(text.replace(",", ".")) is not None:
                 cure = "decimal commas are read where another mark separates the columns"
             raise DataError(
@@ -310,7 +328,9 @@ def of_lines(label: str, lines: list[str], sheet: bool = False) -> Delimited:
         kept = kept[1:]
         second = [field.strip() for field in _fields(lines[kept[0]], delimiter)] if kept else []
         said = {
-            name: field for name, field in zip(names, second, strict=False) if field.lower() not in MISSING
+            name: field
+            for name, field in zip(_numbered(names), second, strict=False)
+            if field.lower() not in MISSING
         }
         if said and all(number(_with_points(field)) is None for field in said.values()):
             units = {name: unit.strip("()[]") for name, unit in said.items() if len(unit) <= LONGEST_UNIT}
@@ -326,10 +346,19 @@ def of_lines(label: str, lines: list[str], sheet: bool = False) -> Delimited:
                 f"{label}, line {kept[k] + 1}: {count} fields where the header has {len(names)}; "
                 "correct the line, or put # before it to skip it"
             )
+    names = _numbered(names)
     for name, text in zip(names, _fields(rows[0], delimiter), strict=False):
         if is_date(text):
             units[name] = "s"
     return Delimited(label, names, delimiter, rows, [k + 1 for k in kept], units, sheet)
+
+
+def _numbered(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of which those that stand several times are numbered: x#1, x#2."""
+    repeated = {name for name in names if name and names.count(name) > 1}
+    return tuple(
+        [f"{name}#{names[: k + 1].count(name)}" if name in repeated else name for k, name in enumerate(names)]
+    )
 
 
 def _above(lines: Sequence[str], kept: Sequence[int], marks: str) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..base.names import listed
-from ..base.samples import even_step
+from ..base.samples import coarse_clock, even_step
 from ..base.units import TIMES, counted_in, seconds_in
 from ..errors import DataError, SpecError
 from ..files.delimited import is_date, numbers
@@ -28,6 +28,7 @@ __all__ = [
     "guess_time",
     "numeric",
     "pace",
+    "refuse_other_step",
     "seconds_of",
     "since_1970",
     "time_candidates",
@@ -48,6 +49,7 @@ BARE = re.compile(r"(.*?[^\s_/,])[\s_/,]+(?:in[\s_]+)?([^\s_/,]+)")
 SERIAL = (20_000, 80_000)  # days
 CLOCKS = (1e9, 2.2e9)  # seconds since 1970
 FASTEST = 1e-4  # s: steps of slow systems are not below it
+LOOSE = 0.02  # of a step: how far times that are rounded may be from it
 
 
 @dataclass(frozen=True)
@@ -78,8 +80,10 @@ class Columns:
     told: Told = Told()
 
 
-def from_arrays(given: Mapping[Any, Any], label: str, told: Told | None = None) -> Columns:
-    """Return the columns of arrays by name: 1-D, or 2-D (channel, time)."""
+def from_arrays(
+    given: Mapping[Any, Any], label: str, told: Told | None = None, marks: frozenset[str] = frozenset()
+) -> Columns:
+    """Return the columns of arrays by name: 1-D, or 2-D (channel, time); `marks` as in `numeric`."""
     arrays: dict[str, NDArray[Any]] = {}
     for key, values in given.items():
         try:
@@ -99,7 +103,7 @@ def from_arrays(given: Mapping[Any, Any], label: str, told: Told | None = None) 
         raise DataError(f"{label} holds no 1-D or 2-D array")
 
     def load(names: Sequence[str]) -> dict[str, F64]:
-        loaded = {name: numeric(arrays[name], name, label) for name in names}
+        loaded = {name: numeric(arrays[name], name, label, marks) for name in names}
         lengths = {name: len(values) for name, values in loaded.items()}
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
@@ -118,19 +122,19 @@ def _of_dates(array: NDArray[Any]) -> bool:
     return bool(array.size and isinstance(array[0], str) and is_date(array[0]))
 
 
-def numeric(array: NDArray[Any], name: str, label: str) -> F64:
-    """A column as numbers; dates as seconds from the first."""
+def numeric(array: NDArray[Any], name: str, label: str, marks: frozenset[str] = frozenset()) -> F64:
+    """A column as numbers; dates as seconds from the first; `marks` are texts of missing values."""
     if array.dtype.kind in "biuf":
         return np.asarray(array, dtype=np.float64)
     if array.dtype.kind in "mM":
         return np.asarray((array - array[:1]) / np.timedelta64(1, "s"), dtype=np.float64)
     if array.dtype.kind == "c":
         raise DataError(f"{label}: column {name!r} is complex; give real and imaginary part as two columns")
-    values, wrong = numbers([str(value) for value in array])
+    values, wrong = numbers([str(value) for value in array], marks)
     if wrong is not None:
         raise DataError(
             f"{label}, row {wrong}: column {name!r} holds {array[wrong]!r} where a number is needed; correct "
-            "or drop it"
+            f"or drop it, or give missing_values={str(array[wrong])!r} if it marks a missing value"
         )
     return values
 
@@ -142,13 +146,13 @@ def unit_of(name: str, told: Told | None = None) -> str:
     """Return the unit the source tells, or what stands in brackets at the end of a column's name."""
     if told is not None and name in told.units:
         return told.units[name]
-    match = re.search(r"[\[(]([^\[\]()]+)[\])]\s*$", name)
+    match = re.search(r"[\[(]([^\[\]()]+)[\])]\s*(?:#\d+)?$", name)
     return match[1].strip() if match else ""
 
 
 def _time_word(name: str) -> tuple[str, str]:
     """Return a name without its unit, and the unit, both in lower case: "TIME [s]", "t_s"."""
-    word = name.lower().strip(" _")
+    word = re.sub(r"#\d+$", "", name.lower()).strip(" _")
     unit = unit_of(name).lower()
     if unit:
         return re.split(r"[\[(]", word)[0].strip(" _"), "" if unit in TIME_WORDS else unit  # "Time (UTC)"
@@ -232,6 +236,35 @@ def dated(table: Columns, pair: Sequence[str]) -> tuple[Columns, str]:
     return replace(table, names=(*table.names, name), load=load, told=told), name
 
 
+def refuse_other_step(table: Columns, dt: float, used: Sequence[str]) -> None:
+    """Refuse a step that a column of times contradicts, unless the column is used for something else."""
+    for name in time_candidates(table):
+        if name in used:
+            continue
+        try:
+            times = table.load([name])[name] * seconds_of(name, table.told)
+        except (DataError, SpecError):  # text, or an unknown unit
+            continue
+        steps = np.diff(times)
+        if not steps.size or not np.all(steps >= 0):  # nan too
+            continue
+        usual, mean = float(np.median(steps)), float(np.mean(steps))
+        if coarse := coarse_clock(times):  # too coarse to be given instead
+            if abs(coarse[1] - dt) > LOOSE * dt:
+                raise SpecError(
+                    f"read: dt={dt:g}, but the times {name!r} of {table.label} stand still for {coarse[0]} "
+                    f"rows each, of {coarse[1]:.6g} s; give dt={coarse[1]:.6g}, or keep={name!r} if it is no "
+                    "time"
+                )
+            continue
+        if min(abs(usual - dt), abs(mean - dt)) > LOOSE * dt:
+            raise SpecError(
+                f"read: dt={dt:g}, but the times {name!r} of {table.label} have steps of {usual:g} s; give "
+                f"time={name!r} instead of dt (units={{{name!r}: 'ms'}} where they are no seconds), or drop "
+                f"this column, or keep={name!r} if it is no time"
+            )
+
+
 def doubtful_step(times: F64, name: str, told: Told) -> tuple[float, str] | None:
     """Return the usual step of times without a unit that may not be seconds, and the unit they may have.
 
@@ -270,7 +303,12 @@ def _whole_of_days(step: float) -> bool:
 def pace(times: F64) -> str:
     """Say how even times in seconds are."""
     if times.size < 2 or not np.isfinite(times).all() or not (times[1:] > times[:-1]).all():
-        return "but it does not increase everywhere"
+        coarse = coarse_clock(times) if np.isfinite(times).all() else None
+        return (
+            f"but {coarse[0]} rows each have the same: give dt={coarse[1]:.6g} instead"
+            if coarse
+            else "but it does not increase everywhere"
+        )
     steps = np.diff(times)
     usual = float(np.median(steps))
     gaps = int((steps > 1.5 * usual).sum())

@@ -81,7 +81,7 @@ def _sigma_names(rec: Samples) -> dict[str, str]:
     return names
 
 
-def open_frame(frame: Any, label: str, attrs: Any) -> Columns:
+def open_frame(frame: Any, label: str, attrs: Any, marks: frozenset[str] = frozenset()) -> Columns:
     """Return the columns of a pandas or polars frame; `attrs` is what it knows beside them."""
     arrays = {str(name): frame[name] for name in frame.columns}
     index = getattr(frame, "index", None)
@@ -91,7 +91,7 @@ def open_frame(frame: Any, label: str, attrs: Any) -> Columns:
         name = None if time_candidates(from_arrays(arrays, label)) else "t"
     if isinstance(name, str) and name not in arrays:  # pandas often keeps the times there
         arrays = {name: index, **arrays}
-    return from_arrays(arrays, label, told_of_frame(attrs, arrays))
+    return from_arrays(arrays, label, told_of_frame(attrs, arrays), marks)
 
 
 def told_of_frame(attrs: Any, names: Any) -> Told:

@@ -28,7 +28,8 @@ def open_mat(path: Path, part: str | None) -> Columns:
 
     A struct with the fields OutputData (or y and Ts) is an iddata: its channels, units, sampling and the
     form of its inputs are taken from it. Other structs give columns ``struct.field``, or ``field`` where
-    the struct is named by `part` or is all there is. Matrices have time along their longer axis.
+    the struct is named by `part` or is all there is. Matrices have time along their longer axis; the names
+    of their channels are those of a cell array of as many texts beside them.
     """
     variables = load_mat(path)
     records = _records(variables)
@@ -188,20 +189,38 @@ def _named(texts: list[str], letter: str, count: int) -> tuple[str, ...]:
 # Plain arrays -------------------------------------------------------------------------------------
 
 
+def _named_rows(fields: Fields) -> tuple[str, dict[str, NDArray[Any]]]:
+    """The one matrix, and its channels by the one cell array of as many names beside it; none without."""
+    cells = [value for value in fields.values() if isinstance(value, list) and value]
+    names = [[text.strip() for text in cell] for cell in cells if all(isinstance(text, str) for text in cell)]
+    matrices = [name for name, value in fields.items() if isinstance(value, np.ndarray) and value.ndim == 2]
+    if len(names) != 1 or len(matrices) != 1:
+        return "", {}
+    rows = _channels(fields[matrices[0]])
+    if len(names[0]) != len(rows) or not all(names[0]) or len({*names[0], *fields}) < len(rows) + len(fields):
+        return "", {}
+    return matrices[0], dict(zip(names[0], rows, strict=True))
+
+
+def _channels(values: NDArray[Any]) -> NDArray[Any]:
+    """A matrix as (channel, time): time is its longer axis."""
+    return values.T if values.ndim == 2 and values.shape[0] > values.shape[1] else values
+
+
 def _open_plain(variables: Fields, label: str) -> Columns:
     arrays: dict[str, NDArray[Any]] = {}
     opaque: dict[str, str] = {}
 
     def gather(fields: Fields, prefix: str) -> None:
+        named, rows = _named_rows(fields)
+        arrays.update({prefix + name: row for name, row in rows.items()})
         for name, value in fields.items():
             if isinstance(value, Mapping):
                 gather(value, f"{prefix}{name}.")
             elif isinstance(value, Opaque):
                 opaque[prefix + name] = value.kind
-            elif isinstance(value, np.ndarray) and value.ndim in (1, 2) and value.size > 1:
-                arrays[prefix + name] = (
-                    value.T if value.ndim == 2 and value.shape[0] > value.shape[1] else value
-                )
+            elif isinstance(value, np.ndarray) and value.ndim in (1, 2) and value.size > 1 and name != named:
+                arrays[prefix + name] = _channels(value)
 
     gather(variables, "")
     if arrays:

@@ -30,28 +30,31 @@ KINDS = ".csv, .xlsx, .npz, .mat, .parquet or .feather"
 PANDAS = "PANDAS_ATTRS"  # where a .parquet file keeps the attrs of a frame
 
 
-def open_columns(source: Any, part: str | None = None) -> Columns:
-    """Return the columns of a file, frame, data set or mapping; `part` is for .mat files."""
+def open_columns(source: Any, part: str | None = None, marks: frozenset[str] = frozenset()) -> Columns:
+    """Return the columns of a file, frame, data set or mapping.
+
+    `part` is for .mat and .xlsx files, `marks` are texts of missing values, in lower case.
+    """
     if isinstance(source, str | os.PathLike):
         path = Path(source)
         _refuse_absent(path)
         if path.suffix.lower() == ".mat":
             return open_mat(path, part)
         if path.suffix.lower() == ".xlsx":
-            return _of_text(path.name, read_excel(path, part))
+            return _of_text(path.name, read_excel(path, part), marks)
     if part is not None:
         raise SpecError(
             f"read: part={part!r} is for .mat files that hold several structs and .xlsx files of several "
             "sheets; leave it out"
         )
     if isinstance(source, str | os.PathLike):
-        return _open_file(path)
+        return _open_file(path, marks)
     if hasattr(source, "dims") and hasattr(source, "coords"):
         return open_xarray(source)
     if isinstance(source, Mapping):
-        return from_arrays(source, "the dictionary")
+        return from_arrays(source, "the dictionary", marks=marks)
     if hasattr(source, "columns") and hasattr(source, "__getitem__"):
-        return open_frame(source, "the frame", getattr(source, "attrs", None))
+        return open_frame(source, "the frame", getattr(source, "attrs", None), marks)
     raise SpecError(
         f"read: {type(source).__name__} is not a source; give a path to a {KINDS} file, a pandas or polars "
         "frame, an xarray object, or a dictionary of arrays"
@@ -69,7 +72,7 @@ def _refuse_absent(path: Path) -> None:
     raise DataError(f"read: there is no file {os.fspath(path)!r}; {close or 'check the path'}")
 
 
-def _open_file(path: Path) -> Columns:
+def _open_file(path: Path, marks: frozenset[str]) -> Columns:
     kind = path.suffix.lower()
     if kind == ".npz":
         try:
@@ -81,32 +84,33 @@ def _open_file(path: Path) -> Columns:
             raise
         except Exception as problem:  # NumPy, zipfile and zlib have their own for damaged files
             raise _damaged(path, problem) from None
-        return from_arrays(arrays, path.name)
+        return from_arrays(arrays, path.name, marks=marks)
     if kind == ".parquet":
-        return _open_parquet(path)
+        return _open_parquet(path, marks)
     if kind == ".feather":
-        return _open_feather(path)
+        return _open_feather(path, marks)
     if kind == ".nc":
         raise SpecError(f"read: {path.name}: give xarray.open_dataset({path.name!r}) instead of the file")
     unpacked = Path(path.stem).suffix.lower() if kind == ".gz" else kind
     if unpacked not in ("", ".csv", ".tsv", ".txt", ".dat"):
         raise SpecError(f"read: {path.name}: files of kind {kind} are not read; convert it to {KINDS}")
-    return _of_text(path.name, read_delimited(path))
+    return _of_text(path.name, read_delimited(path), marks)
 
 
-def _of_text(label: str, text: Delimited) -> Columns:
+def _of_text(label: str, text: Delimited, marks: frozenset[str]) -> Columns:
+    text = replace(text, marks=marks)
     told = Told(units=text.units)
     return Columns(label, text.names, text.load, lambda row: f"line {text.line_numbers[row]}", told)
 
 
-def _open_parquet(path: Path) -> Columns:
+def _open_parquet(path: Path, marks: frozenset[str]) -> Columns:
     """Columns by pyarrow, or by polars where only that is installed."""
     alone = find_spec("pyarrow") is None and find_spec("polars") is not None
     reader = optional("polars" if alone else "pyarrow.parquet", "parquet", f"reading {path.name}")
     try:
         if alone:
             attrs = json.loads(reader.read_parquet_metadata(path).get(PANDAS, "{}"))
-            return open_frame(reader.read_parquet(path), path.name, attrs)
+            return open_frame(reader.read_parquet(path), path.name, attrs, marks)
         schema = reader.read_schema(path)
         attrs = json.loads((schema.metadata or {}).get(PANDAS.encode(), b"{}"))
     except Exception as problem:  # each reader has its own
@@ -119,7 +123,7 @@ def _open_parquet(path: Path) -> Columns:
             arrays = {name: table[name].to_numpy() for name in names}
         except Exception as problem:
             raise _damaged(path, problem) from None
-        return {name: numeric(values, name, path.name) for name, values in arrays.items()}
+        return {name: numeric(values, name, path.name, marks) for name, values in arrays.items()}
 
     told = told_of_frame(attrs, schema.names)
     kinds = zip(schema.names, map(str, schema.types), strict=True)
@@ -128,7 +132,7 @@ def _open_parquet(path: Path) -> Columns:
     return Columns(path.name, tuple(schema.names), load, told=told)
 
 
-def _open_feather(path: Path) -> Columns:
+def _open_feather(path: Path, marks: frozenset[str]) -> Columns:
     """Columns by pyarrow, or by polars where only that is installed."""
     alone = find_spec("pyarrow") is None and find_spec("polars") is not None
     reader = optional("polars" if alone else "pyarrow.feather", "parquet", f"reading {path.name}")
@@ -138,7 +142,7 @@ def _open_feather(path: Path) -> Columns:
         arrays = {name: frame[name].to_numpy() for name in names}
     except Exception as problem:  # each reader has its own
         raise _damaged(path, problem) from None
-    return from_arrays(arrays, path.name)
+    return from_arrays(arrays, path.name, marks=marks)
 
 
 def _damaged(path: Path, problem: Exception) -> DataError:

@@ -30,19 +30,19 @@ from .columns import (
     doubtful_step,
     guess_time,
     pace,
+    refuse_other_step,
     seconds_of,
     since_1970,
     time_candidates,
     unit_of,
     unit_of_times,
 )  # fmt: skip
+from .gaps import held, marks_of, refuse_missing, refuse_other_word
 from .mask import Mask, mask_of
 from .opening import open_columns
 from .record import Record
 
 __all__ = ["columns", "read"]
-
-LOOSE = 0.02  # of a step: how far times that are rounded may be from it
 
 Channels = str | Sequence[str] | Mapping[str, str]
 PerOutput = str | Mapping[str, str]
@@ -61,6 +61,7 @@ class Words(TypedDict, total=False):
     mask: PerOutput | None
     sigma: PerOutput | None
     missing: str
+    missing_values: str | Sequence[str] | None
     part: str | None
 
 
@@ -84,6 +85,7 @@ def read(
     mask: PerOutput | None = None,
     sigma: PerOutput | None = None,
     missing: str = "refuse",
+    missing_values: str | Sequence[str] | None = None,
     part: str | None = None,
 ) -> Record | list[Record]:
     """Make a Record from a file, a frame or a dictionary of arrays, or several from a list of these.
@@ -118,8 +120,12 @@ def read(
         is left out; ``{output: column}`` for some outputs only.
     sigma : str or mapping of str to str, optional
         Column of the relative noise of each sample, for all outputs or by output.
-    missing : {"refuse", "mask"}, default "refuse"
-        What to do with missing and infinite values of outputs; elsewhere they are always refused.
+    missing : {"refuse", "mask", "hold"}, default "refuse"
+        What to do with missing and infinite values: "mask" leaves those of outputs out; "hold" does, too,
+        and inputs and columns to keep have their last value there. Elsewhere they are refused.
+    missing_values : str or sequence of str, optional
+        Texts that mark missing values beside the usual ones (see Notes), such as "Out of range"; whatever
+        their case.
     part : str, optional
         Which struct of a .mat file, ``"z2"``, which experiment of an iddata, ``"Exp2"`` or
         ``"z2.Exp2"``, or which sheet of an .xlsx file, where there are several.
@@ -157,7 +163,9 @@ def read(
     dates, ``2026-03-01T14:05:36.02Z``, ``1.3.2026 14:05`` or ``3/1/2026 2:05 PM``, and seconds since 1970
     become seconds from the first. Decimal commas are read where another mark separates the columns; points
     of such a file are thousands marks, 1.040 is 1040, and a column whose points may be either is refused.
-    Lines of a title above the names, of fewer fields, are skipped.
+    Lines of a title above the names, of fewer fields, are skipped. Columns of one name are ``q#1``,
+    ``q#2``, ... Empty fields, ``nan``, ``n/a``, ``-``, and words of bad quality such as ``Bad``, ``No Data``,
+    ``I/O Timeout`` and ``#NV`` are missing values.
     An .npz file or mapping may hold arrays (channel, time): ``y`` gives the columns ``y1``, ``y2``, ...; in
     a .mat file the longer axis is time. An iddata object must be saved as a struct, ``s = get(z)``. Fields
     of other structs are columns ``struct.field``.
@@ -176,18 +184,18 @@ def read(
     """
     if time is not None and dt is not None:
         raise SpecError(f"read: give time={time!r} or dt={dt!r}, not both")
-    if missing not in ("refuse", "mask"):
-        raise SpecError(f"read: missing={missing!r} is unknown; {nearest(missing, ('refuse', 'mask'))}")
+    refuse_other_word(missing)
     if isinstance(source, list | tuple):
         if not source:
             raise SpecError("read: the list of sources is empty; give at least one file")
         words: Words = {
             "outputs": outputs, "inputs": inputs, "time": time, "keep": keep, "dt": dt, "units": units,
-            "intersample": intersample, "mask": mask, "sigma": sigma, "missing": missing, "part": part,
+            "intersample": intersample, "mask": mask, "sigma": sigma, "missing": missing,
+            "missing_values": missing_values, "part": part,
         }  # fmt: skip
         each: Sequence[Mapping[str, Any]] = source  # or whatever else is read
         return [read(one, **words) for one in each]
-    table = open_columns(source, part)
+    table = open_columns(source, part, marks_of(missing_values))
     if time is not None and not isinstance(time, str):
         table, time = dated(table, time)
     told = table.told
@@ -211,13 +219,17 @@ def read(
     for name in wanted:
         _refuse_unknown(table, name)
     if isinstance(dt, int | float) and dt > 0:
-        _refuse_other_step(table, dt, wanted)
+        refuse_other_step(table, dt, wanted)
     values = table.load(wanted)
     values |= {name: np.nan_to_num(values[name], nan=0.0) for name in {*good.values()} - {*complete}}
     may_miss = () if missing == "refuse" and not told.masked else (*out.values(), *trust.values())
+    holds = {*into.values(), *kept.values()} - {clock}
+    if missing == "hold":
+        values |= {name: held(values[name]) for name in holds}
     for name in wanted:
         if name in complete or name not in may_miss:
-            _refuse_missing(table, name, values[name], name in out.values())
+            role = "output" if name in out.values() else "held" if name in holds else ""
+            refuse_missing(table, name, values[name], role, missing)
     count = len(values[wanted[0]]) if wanted else 0
     ok = _mask(values, out, good, count)
     forms = {new: told.intersample[name] for new, name in into.items() if name in told.intersample}
@@ -451,40 +463,14 @@ def _seconds(values: F64, clock: str, told: Told) -> tuple[F64, float | None]:
     return times, None if step is None else scale * step
 
 
-def _refuse_other_step(table: Columns, dt: float, used: Sequence[str]) -> None:
-    """Refuse a step that a column of times contradicts, unless the column is used for something else."""
-    for name in time_candidates(table):
-        if name in used:
-            continue
-        try:
-            times = table.load([name])[name] * seconds_of(name, table.told)
-        except (DataError, SpecError):  # text, or an unknown unit
-            continue
-        steps = np.diff(times)
-        if not steps.size or not np.all(steps >= 0):  # nan too
-            continue
-        usual, mean = float(np.median(steps)), float(np.mean(steps))
-        if min(abs(usual - dt), abs(mean - dt)) > LOOSE * dt:
-            raise SpecError(
-                f"read: dt={dt:g}, but the times {name!r} of {table.label} have steps of {usual:g} s; give "
-                f"time={name!r} instead of dt (units={{{name!r}: 'ms'}} where they are no seconds), or drop "
-                f"this column, or keep={name!r} if it is no time"
-            )
-
-
 def _refuse_unknown(table: Columns, name: str) -> None:
+    alike = [known for known in table.names if known.rpartition("#")[0] == name]
+    if name not in table.names and alike:
+        raise SpecError(
+            f"read: {table.label} has {len(alike)} columns named {name!r}; give one by its number: "
+            f"{', '.join(map(repr, alike))}"
+        )
     if name not in table.names:
         raise SpecError(f"read: {table.label} has no column {name!r}; {nearest(name, table.names)}")
     if table.names.count(name) > 1:
         raise DataError(f"{table.label} has {table.names.count(name)} columns named {name!r}; rename them")
-
-
-def _refuse_missing(table: Columns, name: str, values: F64, output: bool) -> None:
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        places = ", ".join(table.place(int(row)) for row in bad[:5]) + (", ..." if bad.size > 5 else "")
-        raise DataError(
-            f"{table.label}: column {name!r} has {bad.size} missing or infinite values ({places}); fill or "
-            "cut these rows, or read the stretches between them as separate records"
-            + (", or leave them out with missing='mask'" if output else "")
-        )

@@ -82,6 +82,18 @@ def test_vectors_and_matrices(tmp_path, version):
 
 
 @versions
+def test_a_cell_array_names_the_channels_of_the_matrix_beside_it(tmp_path, version):
+    names = ["t", "q (deg/s)", "de"]
+    path = write(tmp_path / "run.mat", {"data": np.array([T, Y[0], U[0]]).T, "names": names}, version)
+    assert columns(path)["column"].tolist() == names
+    rec = read(path, outputs={"q": "q (deg/s)"}, inputs="de")
+    assert (rec["q"] == Y[0]).all()
+    assert (rec["de"] == U[0]).all()
+    few = write(tmp_path / "few.mat", {"data": np.array([T, Y[0], U[0]]).T, "names": names[:2]}, version)
+    assert columns(few)["column"].tolist() == ["data1", "data2", "data3"]
+
+
+@versions
 def test_structs_of_arrays(tmp_path, version):
     fields = {"t": T, "q": Y[0], "deep": {"r": Y[1]}}
     alone = write(tmp_path / "a.mat", {"data": fields}, version)
