@@ -288,14 +288,15 @@ def coarse_clock(times: F64) -> tuple[int, float] | None:
 
     Readings repeat in runs of one length, give or take one; the first and the last run may be cut.
     """
-    steps = np.diff(times)
-    at = np.flatnonzero(steps)
-    if at.size < 3 or not (steps[at] > 0).all():
-        return None
-    runs = np.diff(at)
-    count, jump = float(np.mean(runs)), float(np.mean(steps[at[1:]]))
-    even = np.ptp(runs) <= 1 and np.ptp(steps[at]) <= EVEN * jump and at[0] < runs.max()
-    return (round(count), jump / count) if even and runs.min() > 1 else None
+    with np.errstate(over="ignore", invalid="ignore"):  # of times out of range
+        steps = np.diff(times)
+        at = np.flatnonzero(steps)
+        if at.size < 3 or not (steps[at] > 0).all():
+            return None
+        runs, jump = np.diff(at), float(np.mean(steps[at]))
+        even = np.ptp(runs) <= 1 and np.ptp(steps[at]) <= EVEN * jump
+    count = float(np.mean(runs))
+    return (round(count), jump / count) if even and runs.min() > 1 and at[0] < runs.max() else None
 
 
 def even_step(times: F64, rows: F64 | None = None) -> float | None:
