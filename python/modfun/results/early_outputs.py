@@ -97,7 +97,7 @@ def _leading(fit: Estimates) -> Estimates | None:
 def _after(delay: Any, step: float) -> Any:
     """Delays a step longer; free ones may also be shorter."""
     if isinstance(delay, tuple):
-        return [_after(own, step) for own in delay]
+        return tuple([_after(own, step) for own in delay])
     if not isinstance(delay, Free):
         return delay + step
     start = None if delay.start is None else delay.start + step
@@ -107,7 +107,7 @@ def _after(delay: Any, step: float) -> Any:
 def _without(delay: Any) -> Any:
     """Delays that are known, and zero for free ones."""
     if isinstance(delay, tuple):
-        return [_without(own) for own in delay]
+        return tuple([_without(own) for own in delay])
     return 0.0 if isinstance(delay, Free) else delay
 
 

@@ -49,6 +49,18 @@ def test_averages_stamped_at_their_start_are_named_with_the_cure(
     assert 1 / cured["a1"] == pytest.approx(60.0, rel=0.03)
 
 
+def test_one_of_two_inputs_has_the_delay_that_ends_on_zero() -> None:
+    rng = np.random.default_rng(4)
+    u, v = (np.repeat(2.0 * rng.integers(0, 2, 100) - 1, 3) for _ in range(2))
+    fine = [np.repeat(x, PER) for x in (u, v)]
+    y = mf.tf([[[2.0], [1.0]]], [60.0, 1.0], delay=[[4.0, 40.0]]).simulate(u=fine, dt=FINE, intersample="zoh")
+    means = (y + 0.05 * rng.standard_normal(y.size)).reshape(-1, PER).mean(axis=1)
+    rec = mf.Record(y=means, u=[u, v], dt=STEP, inputs=["u", "v"], intersample="zoh")
+    model = mf.TransferFunction(poles=1, zeros=[0, 0], delay=[mf.Free(max=60), 40.0])
+    with pytest.warns(mf.ModfunWarning, match=r"y seems to be stamped early.*intersample=\['foh', 'foh'\]"):
+        mf.fit(rec, model)
+
+
 def test_outputs_a_part_of_a_step_early_are_stored_a_step_later() -> None:
     t = 10.0 * np.arange(400)
     plant = mf.tf([2.0], [1800.0, 90.0, 1.0])
