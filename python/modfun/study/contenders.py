@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.callables import source
 from ..base.names import nearest
-from ..errors import DataError, FitError, SpecError
+from ..errors import DataError, FitError, ModfunError, SpecError
 from ..fitting.fit import Estimator
 from ..fitting.prepared import (
     counts_start,
@@ -140,12 +141,19 @@ def contenders(
     model: Any,
     found: Sequence[Group | Generated],
     firsts: Sequence[Record],
+    seed: int,
 ) -> tuple[Contender, ...]:
     """Check the estimators of a study and make them ready for its groups.
 
-    `firsts` has a record of each group, on which bands are chosen: noise-free where there is a system. Bands
-    of robust fits follow the weights, so that each replicate has its own.
+    `firsts` has a record of each group, on which bands are chosen: noise-free where there is a system. Where
+    a function of the user makes records of other inputs each time, bands are chosen on several. Bands of
+    robust fits follow the weights, so that each replicate has its own.
     """
+
+    @cache  # estimators share the records of a group
+    def several(group: Generated) -> list[Record]:
+        return group.several(seed)
+
     words = WORDS["method"]
     if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
         raise SpecError(
@@ -208,7 +216,7 @@ def contenders(
         for e, g, rec in zip(own, found, firsts, strict=True):
             _refuse(name, e, g, rec)
         settled = tuple(
-            _settled(e, g, read_as((rec,), one)[0])
+            _settled_by_several(_settled(e, g, read_as((rec,), one)[0]), e, g, several, one)
             for e, g, rec, one in zip(own, found, firsts, read, strict=True)
         )
         alone = any(not e.options.is_plain or _has_past(e, rec) for e, rec in zip(own, firsts, strict=True))
@@ -264,6 +272,26 @@ def _settled(own: Estimator, group: Group | Generated, rec: Record) -> Estimator
         return Estimator(own.model, **options.replace(harmonics=high - max(layout.orders)).given())
     omega0 = float(found["omega0"][0])  # in rad/s, as records may differ in length
     return Estimator(own.model, **options.replace(band=(low * omega0, high * omega0)).given())
+
+
+def _settled_by_several(
+    settled: Estimator,
+    own: Estimator,
+    group: Group | Generated,
+    several: Callable[[Generated], list[Record]],
+    words: dict[Which, Word],
+) -> Estimator:
+    """The estimator with the median of the bands that it chooses on several records, where inputs differ."""
+    if isinstance(group, Group) or settled.options.band == own.options.band:
+        return settled
+    bands = [settled.options.band]
+    for rec in several(group)[1:]:
+        try:
+            bands.append(_settled(own, group, read_as((rec,), words)[0]).options.band)
+        except ModfunError:  # this replicate fails in the run, too
+            continue
+    middle = tuple(sorted(ends)[len(ends) // 2] for ends in zip(*filter(None, bands), strict=True))
+    return Estimator(own.model, **own.options.replace(band=middle).given())
 
 
 def _refuse(name: str, own: Estimator, group: Group | Generated, rec: Record) -> None:

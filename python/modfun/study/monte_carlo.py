@@ -87,8 +87,8 @@ class MonteCarlo:
         ``mf.Estimator(structure, initial_state="rest")``.
     generate : callable
         Instead of all the above: ``generate(cell, rng)`` returns the Record of a replicate in a cell of
-        `grid`, a dict of its labels. One output for methods and Estimators; sampling, length and inputs may
-        differ between replicates, the names of the channels may not.
+        `grid`, a dict of its labels. Sampling, length and inputs may differ between replicates, the names
+        of the channels may not.
     grid : dict of str to list of numbers or texts, optional
         Axes of a study with `generate`; without it there is one cell.
     truth : dict of str to float, or callable, optional
@@ -115,9 +115,10 @@ class MonteCarlo:
     **options
         Options of `fit` for the method names: band, harmonics, trend, rule, extended, tol, maxiter,
         cov_type, robust, stable, reference. With neither band nor harmonics the band is chosen for each
-        system and input on the noise-free response, with `generate` on the first record of each cell, and
-        used for every replicate; robust fits choose their own. A reference is an input, or a channel that
-        the records of `generate` keep.
+        system and input on the noise-free response and used for every replicate. With `generate` it is the
+        band of the first record of each cell, or, where the inputs or times of the second differ, the median
+        (of each edge) of the bands of the first 20. Robust fits choose their own. A reference is an input, or
+        a channel that the records of `generate` keep.
 
     Raises
     ------
@@ -207,7 +208,7 @@ class MonteCarlo:
             firsts = [g.record(g.y) for g in found if isinstance(g, Group)]
             if (doubt := doubtful_nsr("MonteCarlo", max(axes[-1].labels))) is not None:
                 warnings.warn(doubt, ModfunWarning, stacklevel=3)
-        made = contenders(estimators, options, model, found, firsts)
+        made = contenders(estimators, options, model, found, firsts, seed)
         _known_names(truth, made)
         self.plan = Plan(axes=axes, groups=found, contenders=made, metrics=_metrics(metrics), seed=seed)
 
