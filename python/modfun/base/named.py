@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,22 @@ from ..errors import SpecError
 from .names import nearest
 from .tables import Table
 
-__all__ = ["Named"]
+__all__ = ["Named", "in_order"]
+
+
+def in_order(what: str, values: ArrayLike | Mapping[str, float], names: Sequence[str]) -> ArrayLike:
+    """Values of a mapping in the order of these names; what is no mapping as it is.
+
+    Raises
+    ------
+    SpecError
+        A name that is missing or unknown; `what` says who asks.
+    """
+    if not isinstance(values, Mapping):
+        return values
+    if lost := [name for name in (*names, *values) if name not in values or name not in names]:
+        raise SpecError(f"{what}: {lost[0]!r}; the parameters are {', '.join(names)}")
+    return [values[name] for name in names]
 
 
 class Named(np.ndarray[Any, np.dtype[np.float64]]):

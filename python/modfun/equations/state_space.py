@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.named import in_order
 from ..errors import SpecError
 from ..language.parser import Text, equation
 from ..models.free import Free, from_plain, to_plain
@@ -197,11 +198,7 @@ class StateSpace(Written):
         LTI
         """
         names = self.param_names()
-        if isinstance(theta, Mapping):
-            if lost := [name for name in (*names, *theta) if name not in theta or name not in names]:
-                raise SpecError(f"StateSpace.model: {lost[0]!r}; the parameters are {', '.join(names)}")
-            theta = [theta[name] for name in names]
-        values = np.asarray(theta, dtype=np.float64)
+        values = np.asarray(in_order("StateSpace.model", theta, names), dtype=np.float64)
         if values.shape != (len(names),):
             raise SpecError(
                 f"StateSpace.model: {values.size} numbers for {len(names)} parameters; "

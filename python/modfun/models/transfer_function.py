@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arguments import is_sequence, public, reals, whole
+from ..base.named import in_order
 from ..base.names import nearest
 from ..base.samples import numbered
 from ..errors import SpecError
@@ -224,13 +225,18 @@ class TransferFunction:
         """
         return self.layout(outputs, inputs).param_names
 
-    def model(self, theta: ArrayLike, inputs: int | None = None, outputs: int | None = None) -> LTI:
+    def model(
+        self,
+        theta: ArrayLike | Mapping[str, float],
+        inputs: int | None = None,
+        outputs: int | None = None,
+    ) -> LTI:
         """The system with these parameters.
 
         Parameters
         ----------
-        theta : array_like
-            Parameters in the order of `param_names`.
+        theta : array_like, or mapping of str to float
+            Parameters in the order of `param_names`, or by name.
         inputs, outputs : int, optional
             Number of channels; default: the structure's own, or 1.
 
@@ -242,6 +248,7 @@ class TransferFunction:
             _numbered("y", (self.n_outputs or 1) if outputs is None else outputs),
             _numbered("u", (self.n_inputs or 1) if inputs is None else inputs),
         )
+        theta = in_order("TransferFunction.model", theta, layout.param_names)
         values = reals("TransferFunction.model", "theta", theta)
         if values.shape != (len(layout.param_names),):
             raise SpecError(

@@ -31,7 +31,7 @@ from .functions import Failed, attempt, generator, number, own_errors, parameter
 from .generated import Generated
 from .groups import Group
 from .plan import Plan
-from .tally import STATUS, TEXTS, USED, Tally, united
+from .tally import STATUS, USED, Tally, each_once, united
 
 __all__ = ["LEVEL", "called", "estimate"]
 
@@ -69,12 +69,15 @@ def called(
                 where = g.index, level, k
                 bins.append(one.count(tally, where, coverage))
                 raised += [
-                    {"group": g.index, "level": level, "estimator": k, "replicate": first + r, "text": text}
+                    {
+                        "group": g.index, "level": level, "estimator": k, "replicate": first + r,
+                        "text": text, "count": 1,
+                    }
                     for r, text in one.texts
-                ]
+                ]  # fmt: skip
     raised.sort(key=lambda one: (one["group"], one["replicate"], one["level"], one["estimator"]))
     counted = reduce(united, bins, (tally.bins, tally.counts))
-    return replace(tally, bins=counted[0], counts=counted[1], raised=tuple(raised[:TEXTS]))
+    return replace(tally, bins=counted[0], counts=counted[1], raised=each_once(raised))
 
 
 def estimate(plan: Plan, contender: Contender, group: Group | Generated, rec: Record, replicate: int) -> Any:

@@ -372,14 +372,14 @@ def _metrics(plan: Plan, tally: Tally, samples: F64 | None, axes: dict[str, tupl
 def _messages(plan: Plan, tally: Tally) -> Table:
     sizes = [len(a.labels) for a in plan.axes[:-1]]
     columns: dict[str, list[Any]] = {a.name: [] for a in plan.axes if a.given}
-    columns |= {"estimator": [], "replicate": [], "text": []}
+    columns |= {"estimator": [], "replicate": [], "count": [], "text": []}
     for one in tally.raised:
         at = (*np.unravel_index(one["group"], sizes), one["level"])
         for a, k in zip(plan.axes, at, strict=True):
             if a.given:
                 columns[a.name].append(a.labels[int(k)])
         columns["estimator"].append(plan.contenders[one["estimator"]].name)
-        columns["replicate"].append(one["replicate"])
-        columns["text"].append(one["text"])
-    first = f", the first {TEXTS}" if len(tally.raised) == TEXTS else ""
-    return Table(columns, title=f"What failed of estimates and metrics{first}")
+        for name in ("replicate", "count", "text"):
+            columns[name].append(one[name])
+    first = f", the first {TEXTS} texts" if len(tally.raised) == TEXTS else ""
+    return Table(columns, title=f"What failed of estimates and metrics: first replicate, count{first}")

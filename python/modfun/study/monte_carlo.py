@@ -139,9 +139,10 @@ class MonteCarlo:
     Notes
     -----
     What a function of yours raises, and what it returns that is not finite, is counted as a failure of that
-    replicate, its text kept in `Results.messages`. What is wrong in kind (no Record, another shape, a name
-    that is missing) ends the run with a SpecError. A function for other processes or for a directory must be
-    importable, and a change of its source makes another study of it.
+    replicate, its text kept in `Results.messages`. An estimator or a metric that fails in each of the first
+    hundred replicates of every cell stops the study with a SpecError. What is wrong in kind (no Record,
+    another shape, a name that is missing) ends the run with a SpecError. A function for other processes or
+    for a directory must be importable, and a change of its source makes another study of it.
 
     References
     ----------
@@ -268,7 +269,7 @@ class MonteCarlo:
             importable there.
         directory : str or Path, optional
             Where parts are kept as they are made. Run again, a killed study goes on where it stopped, and
-            one with more replicates adds to those there; with fewer, it gives all that is there.
+            one with more replicates adds to those there; with fewer, it returns all that is there and warns.
         shard : (int, int), optional
             (k, n): only parts k, k + n, k + 2n, … of the directory, for one of n processes.
         progress : {"auto", True, False}
@@ -320,10 +321,18 @@ class MonteCarlo:
         if replicates is not None:
             most = whole("run", "replicates", replicates, 1, MOST)
         work = Work(self.plan, draw, bool(coverage), keep == "samples")
-        return run(
+        found = run(
             work, most, until, threads=threads_of(threads), executor=executor, directory=directory,
             shard=shard, progress=progress,
         )  # fmt: skip
+        if replicates is not None and found is not None and found.replicates > most:
+            warnings.warn(
+                f"run: replicates={most}, but directory={str(directory)!r} holds {found.replicates} of this "
+                "study, which are all in the results; another directory, or none, gives fewer",
+                ModfunWarning,
+                stacklevel=3,
+            )
+        return found
 
 
 def _refuse_late(options: Mapping[str, Any], own: tuple[str, ...]) -> None:

@@ -137,7 +137,7 @@ def _failures(results: Figures) -> Iterable[Block]:
         count[word] = counts.reshape(-1, len(results.estimators)).sum(axis=0)
     yield Grid.of(Table(count), "Estimates of all cells by outcome")
     if len(results.messages):
-        yield Grid.of(results.messages, "What failed, of the first hundred")
+        yield Grid.of(results.messages, "What failed: first replicate and count of each text")
 
 
 def _provenance(results: Figures) -> Iterable[Block]:

@@ -68,7 +68,8 @@ class Results(Figures):
         share their noise; their common time is split as they take alone.
     messages : Table
         What functions raised, or returned that is not finite, and why records or metrics are missing: cell,
-        estimator, replicate, text; of the first hundred. `status` counts all.
+        estimator, first replicate, count and text, a row for each of the first hundred different texts of a
+        cell and estimator. `status` counts all.
     notes : tuple of str
         What has to be known to read the tables, which have it in their titles.
     replicates : int

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
 from itertools import islice
@@ -135,6 +135,12 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
                 ModfunWarning,
                 stacklevel=5,
             )
+    for name, text in _failing_metrics(plan, total):
+        warnings.warn(
+            f"run: metric {name!r} failed for every estimate; the first said: {text}",
+            ModfunWarning,
+            stacklevel=5,
+        )
     if _identical(plan, total):
         warnings.warn(
             "run: every replicate gave the same estimates, so that sd and all Monte Carlo errors are 0 and "
@@ -146,18 +152,39 @@ def _results(plan: Plan, draw: str, total: Tally, replicates: int, samples: F64 
 
 
 def _refuse_failing(plan: Plan, total: Tally, done: int) -> None:
-    """Stop where an estimator has raised in each of a hundred first replicates, in every cell."""
+    """Stop where an estimator or a metric has failed in each of a hundred first replicates, in every cell."""
     if done < HOPELESS:
         return
+    for name, text in _failing_metrics(plan, total):
+        raise SpecError(
+            f"run: metric {name!r} failed for every estimate of the first {done} replicates, and the study "
+            f"was stopped; the first said: {text}; mend that first, or leave the metric out"
+        )
     ran, raised = total.status.sum(axis=-1), total.status[..., STATUS.index("raised")]
     for k, c in enumerate(plan.contenders):
         if np.all(ran[:, :, k] == raised[:, :, k]):
-            text = next((one["text"] for one in total.raised if one["estimator"] == k), "")
-            text = text if len(text) <= SAID else f"{text[:SAID]}…"
+            text = _first(one["text"] for one in total.raised if one["estimator"] == k)
             raise SpecError(
                 f"run: {c.name} failed in each of the first {done} replicates, and the study was stopped; "
                 f"the first said: {text}; mend that first: replicates=1 shows it"
             )
+
+
+def _failing_metrics(plan: Plan, total: Tally) -> Iterator[tuple[str, str]]:
+    """Metrics without a value of any estimate, and what the first of them said."""
+    if not total.status[..., :USED].any():
+        return
+    for k, (name, _) in enumerate(plan.metrics, len(plan.parameters)):
+        if not total.moments[..., k, 0].any():
+            own = f"metric {name!r}: "
+            texts = (one["text"] for one in total.raised if one["text"].startswith(own))
+            yield name, _first(texts).removeprefix(own)
+
+
+def _first(texts: Iterable[str]) -> str:
+    """The first text, cut where it is long."""
+    text = next(iter(texts), "")
+    return text if len(text) <= SAID else f"{text[:SAID]}…"
 
 
 def _identical(plan: Plan, total: Tally) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -15,12 +15,12 @@ from .._core import merge_moments, quantiles
 from ..base.arrays import F64, I64
 from ..base.words import STATUS as ENDS
 
-__all__ = ["STATUS", "TEXTS", "USED", "Tally", "share_mcse", "united"]
+__all__ = ["STATUS", "TEXTS", "USED", "Tally", "each_once", "share_mcse", "united"]
 
 
 STATUS = (*ENDS, "raised")  # a function of the user may
 USED = 2  # the first two have an estimate
-TEXTS = 100  # texts kept of what functions raised; all are counted
+TEXTS = 100  # different texts kept of what functions raised; all failures are counted
 
 _SUMS = ("intervals", "covered", "status", "fits", "iterations", "seconds")
 
@@ -44,7 +44,7 @@ class Tally:
         Occupied bins of all histograms in order, and their counts.
     seconds : ndarray, shape (estimator,)
     raised : tuple of dict
-        Group, level, estimator, replicate and text of the first exceptions.
+        Group, level, estimator, first replicate, text and count of the first exceptions.
     samples : ndarray, shape (replicate, group, level, estimator, parameter), or None
         Estimates, nan where there is none.
     """
@@ -87,7 +87,7 @@ class Tally:
             moments=merged.reshape(shape),
             bins=bins,
             counts=counts,
-            raised=(self.raised + later.raised)[:TEXTS],
+            raised=each_once(self.raised + later.raised),
             **{name: getattr(self, name) + getattr(later, name) for name in _SUMS},
         )
 
@@ -146,8 +146,20 @@ class Tally:
     def of(cls, arrays: Mapping[str, NDArray[Any]]) -> Tally:
         """From what `arrays` returned."""
         given = dict(arrays)
-        raised = tuple(json.loads(given.pop("raised").tobytes()))
-        return cls(raised=raised, **given)
+        raised = [{"count": 1} | one for one in json.loads(given.pop("raised").tobytes())]
+        return cls(raised=tuple(raised), **given)
+
+
+def each_once(raised: Sequence[dict[str, Any]]) -> tuple[dict[str, Any], ...]:
+    """The first texts of each cell and estimator, one that is repeated once with its count."""
+    found: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for one in raised:
+        key = tuple(one[name] for name in ("group", "level", "estimator", "text"))
+        if key in found:
+            found[key] = found[key] | {"count": found[key]["count"] + one["count"]}
+        elif len(found) < TEXTS:
+            found[key] = one
+    return tuple(found.values())
 
 
 def united(one: tuple[I64, I64], two: tuple[I64, I64]) -> tuple[I64, I64]:

@@ -54,6 +54,7 @@ def test_numbers_in_and_out():
     np.testing.assert_array_equal(system.den, [1, 3, 8])
     np.testing.assert_array_equal(system.num, [5])
     np.testing.assert_array_equal(structure.theta(system), [3, 8, 5])
+    assert structure.model({"b0": 5, "a1": 3, "a2": 8}) == system
     assert TransferFunction.from_system(system) == structure
     two = TransferFunction(poles=2, zeros=[1, 0, None], delay=[0.1, 0.0, 0.0])
     system = two.model([3, 8, 1, 2, 5])
@@ -83,6 +84,7 @@ def test_numbers_in_and_out():
         (lambda: TransferFunction(poles=2, zeros=[1, 1], delay=[0.1]), "different numbers of inputs"),
         (lambda: TransferFunction(poles=2, zeros=[1, 1]).param_names(["a", "b", "c"]), "made for 2 input"),
         (lambda: TransferFunction(poles=2, zeros=0).model([1, 2]), "2 numbers for 3"),
+        (lambda: TransferFunction(poles=1, zeros=0).model({"a1": 1, "b1": 2}), "'b0'; the parameters are a1"),
         (lambda: TransferFunction(poles=2, zeros=0).theta(mf.tf([1, 1], [1, 3, 8])), "does not hold"),
         (lambda: TransferFunction(poles=1).theta(mf.tf([1], [1, 3, 8])), "does not hold"),
         (lambda: TransferFunction(poles=[2, 3]), "separate"),
