@@ -104,7 +104,7 @@ def held_closely(fit: Fit, again: Callable[[tuple[Record, ...], Any, Options], A
     at_once = any([degree == order for order, row in each for degree in row])
     if not (held and plain and fit.usable) or at_once or fit.layout.longest_delay:
         return fit
-    unsure = np.max(fit.bse / np.maximum(np.abs(fit.params), 1e-300), initial=0.0) > UNSURE
+    unsure = np.max(fit.spread / np.maximum(np.abs(fit.params), 1e-300), initial=0.0) > UNSURE
     dens = [fit.layout.polynomials(fit.params, k)[0] for k in range(len(fit.outputs))]
     if not (unsure or any([np.max(np.abs(np.roots(den))) * max(steps) > FAST for den in dens])):
         return fit

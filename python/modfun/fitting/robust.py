@@ -70,7 +70,7 @@ def robust_fit(
         after = fit_once(taken, structure, options)
         if not after.usable:
             raise FitError(f"fit: robust=True: the fit with weighted samples failed ({after.message})")
-        moved = np.max(np.abs(after.params - fit.params) / after.bse, initial=0.0)
+        moved = np.fmax.reduce(np.abs(after.params - fit.params) / after.bse, initial=0.0)
         fit = after
         if moved < SETTLED:
             break

@@ -152,7 +152,7 @@ class _Rounds:
             if fit.param_names != before.param_names:
                 continue
             move = np.abs(fit.params - before.params)
-            still = move <= np.maximum(SETTLED * fit.bse, SAME * np.abs(fit.params))
+            still = move <= np.maximum(SETTLED * fit.spread, SAME * np.abs(fit.params))
             if fit.success and fit.lines == before.lines and still.all():
                 return fit
         return None
@@ -160,7 +160,7 @@ class _Rounds:
     def with_errors(self, fit: Fit) -> Fit:
         """The settled fit with errors that count how it follows itself."""
         options, free = on_band(fit, fit.band), np.flatnonzero(fit.bse > 0)
-        if np.any(fit.bse <= SAME * np.abs(fit.params)):  # steps of a part of it would be rounding
+        if np.any(fit.spread <= SAME * np.abs(fit.params)):  # steps of a part of it would be rounding
             return fit
         same = self.after(fit, options).params
         # Along the axes of the errors: a step of one parameter alone may be far outside of them.

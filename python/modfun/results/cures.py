@@ -342,7 +342,7 @@ def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:
     """What another fit of the structure changes most: parameter, both estimates, errors between them."""
     far = np.abs(other.params - fit.params) / np.where(other.bse > 0, other.bse, np.inf)
     at = int(np.argmax(far))
-    was, now = (f"{one.params[at]:.4g} ± {one.bse[at]:.2g}" for one in (fit, other))
+    was, now = (f"{one.params[at]:.4g} ± {one.spread[at]:.2g}" for one in (fit, other))
     return fit.param_names[at], was, now, float(far[at])
 
 

@@ -107,5 +107,5 @@ def _rates(fit: Estimates, names: list[str]) -> list[str]:
 def _comes_clear(fit: Estimates, other: Estimates) -> bool:
     """Whether all parameters are far from zero in another fit that leaves no more, where one here is not."""
     with np.errstate(all="ignore"):
-        here, there = (float(np.min(np.abs(one.params / one.bse))) for one in (fit, other))
+        here, there = (float(np.min(np.abs(one.params / one.spread))) for one in (fit, other))
     return not here > UNSEEN and there > CLEAR and level_ratio(other) < MORE * level_ratio(fit)

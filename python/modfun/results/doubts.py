@@ -170,7 +170,7 @@ def _open(fit: Estimates, other: NDArray[np.float64]) -> bool:
     """Whether nothing that the user knows speaks against other parameters with the same equations."""
     apart = other - fit.params
     known = isinstance(fit.options.initial_state, str) and np.all(other * fit.params > 0)
-    if not known or not np.any(np.abs(apart) > EXCHANGED * fit.bse):
+    if not known or not np.any(np.abs(apart) > EXCHANGED * fit.spread):
         return False
     layout: Any = fit.layout
     nearer = 0.0  # the estimates to the starts than the others are

@@ -182,8 +182,14 @@ class Estimates(Elsewhere):
 
     @property
     def bse(self) -> Named:
-        """Standard errors of the parameters; by name, too: ``fit.bse["a1"]``."""
-        return Named(root(np.diag(self.cov_params())), self.param_names, "se")
+        """Standard errors of the parameters; by name, too: ``fit.bse["a1"]``; nan for one on its bound."""
+        bound = [name in self.at_bound for name in self.param_names]
+        return Named(np.where(bound, np.nan, self.spread), self.param_names, "se")
+
+    @property
+    def spread(self) -> F64:
+        """Standard errors, 0 for a parameter on its bound: for what compares estimates or steps by them."""
+        return root(np.diag(self.cov_params()))
 
     def cov_params(self, cov_type: str | None = None) -> F64:
         """Covariance matrix of the parameters: "spectral", "HC3" or "nonrobust" (default: the fit's)."""
@@ -201,9 +207,7 @@ class Estimates(Elsewhere):
             return np.asarray(self.cov_params() / np.outer(errors, errors))
 
     def conf_int(self, level: float = 0.95) -> F64:
-        """Confidence intervals, (p, 2), from Student's t with the degrees of freedom `degrees`.
-
-        nan for a parameter on its bound, whose error is not known.
+        """Confidence intervals, (p, 2), from Student's t with `degrees`; nan for a parameter on its bound.
 
         Parameters
         ----------
@@ -211,9 +215,7 @@ class Estimates(Elsewhere):
             Between 0 and 1.
         """
         level = confidence("conf_int", level)
-        free = [name not in self.at_bound for name in self.param_names]
-        errors = np.where(free, self.bse, np.nan)
-        return np.column_stack(self.interval(self.params, errors, level, self.degrees))
+        return np.column_stack(self.interval(self.params, self.bse, level, self.degrees))
 
     @property
     def degrees(self) -> Any:
@@ -225,10 +227,8 @@ class Estimates(Elsewhere):
     def interval(self, values: F64, errors: F64, level: float = 0.95, degrees: Any = None) -> tuple[F64, F64]:
         """Lower and upper limits of estimates with these standard errors (Student's t)."""
         level = confidence("interval", level)
-        if np.any(np.asarray(errors) < 0):
-            raise SpecError(
-                f"interval: standard errors are not negative, these go down to {np.min(errors):.4g}"
-            )
+        if (least := np.fmin.reduce(np.ravel(errors), initial=0.0)) < 0:
+            raise SpecError(f"interval: standard errors are not negative, these go down to {least:.4g}")
         return student_interval(values, errors, self._fewest_degrees if degrees is None else degrees, level)
 
     @property

@@ -82,7 +82,7 @@ def _terms(node: Node) -> list[Node]:
 def _matters(fit: Estimates, names: set[str]) -> bool:
     """Whether no parameter of a term may be zero."""
     own = [k for k, name in enumerate(fit.param_names) if name in names]
-    return bool(np.all(np.abs(fit.params[own]) > SEEN * fit.bse[own]))
+    return bool(np.all(np.abs(fit.params[own]) > SEEN * fit.spread[own]))
 
 
 def _flips(fit: Estimates, name: str) -> bool:

@@ -289,14 +289,13 @@ def parameters(
 ) -> Table:
     """Table of the parameters; see `Fit.table`."""
     interval = fit.conf_int(level)
-    bound = [name in fit.at_bound for name in fit.param_names]
     for name in units or {}:
         if name not in fit.param_names:
             raise SpecError(
                 f"table: units names {name!r}, which is not a parameter; {nearest(name, fit.param_names)}"
             )
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(bound, np.nan, fit.params / fit.bse)
+        ratio = fit.params / fit.bse
     low, high = _percentages(level)
     where = "held by a search that did not settle" if still_held(fit) else "on a bound"
     note = f"{', '.join(fit.at_bound)} {where}: no error of its own; the others' hold if the bound is right"
@@ -304,7 +303,7 @@ def parameters(
         "parameter": list(fit.param_names),
         "value": fit.params,
         **({"unit": [units.get(name, "") for name in fit.param_names]} if units else {}),
-        "se": np.where(bound, np.nan, fit.bse),
+        "se": fit.bse,
         "t": ratio,
         **({"p": student_p(ratio, fit.degrees)} if pvalues else {}),
         low: interval[:, 0],

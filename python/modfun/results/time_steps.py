@@ -63,9 +63,9 @@ def _apart(own: Estimates | None, others: Estimates) -> str:
     """The parameter of a record that is furthest from that of the others."""
     if own is None or not own.usable:
         return ""
-    errors = np.hypot(own.bse, others.bse)
+    errors = np.hypot(own.spread, others.spread)
     at = int(np.argmax(np.abs(own.params - others.params) / np.where(errors > 0, errors, np.inf)))
-    here, there = (f"{one.params[at]:.4g} ± {one.bse[at]:.2g}" for one in (own, others))
+    here, there = (f"{one.params[at]:.4g} ± {one.spread[at]:.2g}" for one in (own, others))
     return f"{own.param_names[at]} is {here} against {there}, "
 
 

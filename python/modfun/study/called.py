@@ -154,7 +154,8 @@ class _Cell:
             # It may have more parameters, in another order.
             own = [answer.param_names.index(name) for name in self.names]
             degrees = np.broadcast_to(answer.degrees, answer.bse.shape)
-            self._cover(np.array([row]), answer.bse[None, own], degrees[own])
+            # An estimate on its bound has no interval, and misses the truth.
+            self._cover(np.array([row]), answer.spread[None, own], degrees[own])
         else:
             errors, wrong = own_errors(answer, self.names)
             self._cover(np.array([row]), errors[None], inf)

@@ -249,7 +249,7 @@ def test_bounds_and_held_parameters():
         fit = mf.fit(rec, bounded, harmonics=11)
     assert fit["d"] == 0.4
     assert fit.at_bound == ("d",)
-    assert fit.bse[0] == 0.0
+    assert np.isnan(fit.bse[0])
     held = mf.Equation("y'' + d*y' + a*y + b*y**3 = u", params={"d": 0.4})
     with pytest.warns(mf.ModfunWarning, match="times y' on the right of .*, where the model has -0.4"):
         assert mf.fit(rec, held, harmonics=11).params == pytest.approx(fit.params[1:], rel=1e-9)

@@ -84,7 +84,8 @@ def test_more_replicates_later(tmp_path: Path) -> None:
     assert same(more, study().run(progress=False))
     assert part(tmp_path, 0).stat().st_mtime_ns == times[0]  # whole: kept
     assert part(tmp_path, 1).stat().st_mtime_ns != times[1]  # was cut short: made again
-    fewer = study().run(directory=tmp_path, replicates=10, progress=False)
+    with pytest.warns(mf.ModfunWarning, match=r"replicates=10, but directory=.* of this study"):
+        fewer = study().run(directory=tmp_path, replicates=10, progress=False)
     assert same(fewer, more)  # a directory never shrinks
     kept = study().run(directory=tmp_path, keep="samples", progress=False)
     assert same(kept, study().run(keep="samples", progress=False))
