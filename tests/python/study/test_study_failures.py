@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import modfun as mf
+import numpy as np
 import pytest
 
 WORDS: dict[str, Any] = {
@@ -37,6 +38,19 @@ def test_a_metric_of_one_estimator_alone_is_no_mistake() -> None:
     res = study.run(replicates=128, progress=False)
     assert res.metrics["poles"].count.tolist() == [128, 0]
     assert res.messages["count"].tolist() == [128]
+
+
+def test_a_fit_on_its_bound_counts_as_an_interval_that_misses() -> None:
+    bounded = mf.TransferFunction(poles=2, zeros=0, params={"a1": mf.Free(3.1, min=2.95, max=4)})
+    words = {name: value for name, value in WORDS.items() if name not in ("estimators", "harmonics")}
+    study = mf.MonteCarlo(
+        **words,
+        estimators={"own": lambda rec, rng: mf.fit(rec, bounded, harmonics=6)},
+        metrics={"on": lambda fit, rec: bool(fit.at_bound), "nan": lambda fit, rec: np.isnan(fit.bse["a1"])},
+    )
+    res = study.run(replicates=40, progress=False)
+    assert 0.1 < res.metrics["on"].mean[0] == res.metrics["nan"].mean[0] < 0.6
+    assert res.coverage[0, 0] <= 1 - res.metrics["on"].mean[0]
 
 
 def test_fewer_replicates_than_a_directory_holds_are_told(tmp_path: Path) -> None:
