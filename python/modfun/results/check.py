@@ -40,7 +40,6 @@ from .doubts import (
     of_stability,
     on_bound,
     repeated,
-    twin,
     unexpected,
     unstable,
 )  # fmt: skip
@@ -70,6 +69,7 @@ from .stand_in import stand_in
 from .still_inputs import of_still_inputs
 from .stopped import too_many_poles
 from .swapped import swapped
+from .twins import twin
 from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared, wandering
 from .uneven_noise import of_time
