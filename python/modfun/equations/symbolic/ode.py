@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, reduce
@@ -18,6 +19,7 @@ from .tape import Operation, tape
 __all__ = ["Drive", "FirstOrder", "first_order", "with_trend"]
 
 CHANGES = 20  # of states, to take derivatives of inputs out of the right sides
+ROUNDING = 1e-9  # that equations are off by at a solution
 
 
 class Drive(NamedTuple):
@@ -228,13 +230,15 @@ def _linear(equations: list[Any], left: list[Any]) -> dict[Any, Any]:
         solutions = [dict(zip(left, one, strict=True)) for one in sympy.linsolve(equations, left)]
     except NonlinearError:
         try:
-            solutions = sympy.solve(equations, left, dict=True)
+            # SymPy's own test of solutions simplifies them, which takes minutes where sizes |x| occur.
+            solutions = sympy.solve(equations, left, dict=True, check=False, simplify=False)
         except NotImplementedError:
             solutions = []
         solutions = [
             one
             for one in solutions
             if not any(value.is_real is False or value.has(sympy.I) for value in one.values())
+            and _solves(one, equations)
         ]
         if len(solutions) != 1:
             raise SpecError(
@@ -248,6 +252,15 @@ def _linear(equations: list[Any], left: list[Any]) -> dict[Any, Any]:
             "an equation with its highest derivative, and measured ones are functions of these (y = v + w)"
         )
     return dict(solutions[0])
+
+
+def _solves(solution: dict[Any, Any], equations: list[Any]) -> bool:
+    """Whether the equations hold with a solution, at some values of what it depends on."""
+    free = sorted(set().union(*(e.free_symbols for e in equations)) - set(solution), key=str)
+    values = {s: sympy.Float(0.3 + 0.1 * math.sqrt(k + 2)) for k, s in enumerate(free)}
+    numbers = {name: sympy.N(value.subs(values)) for name, value in solution.items()}
+    left = [sympy.N(e.subs(values).subs(numbers)) for e in equations]
+    return all(e.is_number and abs(complex(e)) < ROUNDING for e in left)
 
 
 def _without_slopes(
