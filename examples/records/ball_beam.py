@@ -31,6 +31,13 @@ def median_level(fit: mf.Fit, rec: mf.Record, length: float) -> float:
     return float(np.median([fit.score(part)["signal_to_error"][0] for part in rec.split(every=length)]))
 
 
+def shown(fit: mf.Fit, name: str) -> str:
+    """An estimate and its standard error, if it has one."""
+    if name in fit.at_bound:
+        return f"{fit[name]:.3f} (bound)"
+    return f"{fit[name]:.3f} ± {fit.bse[fit.param_names.index(name)]:.3f}"
+
+
 def main(folder: common.Place = None, figures: common.Place = None) -> dict[str, Any]:
     """Fit the first half, predict windows of the second; returns what the page states."""
     rec = read(folder)
@@ -46,12 +53,8 @@ def main(folder: common.Place = None, figures: common.Place = None) -> dict[str,
     fits["free, the other half"] = mf.fit(second, fits[name].structure, noise="equation")
     columns: dict[str, Any] = {"model": list(fits)}
     for name in ("a1", "a2", "b0", "delay"):
-        columns[name] = [
-            f"{fit[name]:.3f} ± {fit.bse[fit.param_names.index(name)]:.3f}"
-            if name in fit.param_names
-            else (f"{late:.3f}" if name == "delay" else "0")
-            for fit in fits.values()
-        ]
+        told = f"{late:.3f}" if name == "delay" else "0"
+        columns[name] = [shown(fit, name) if name in fit.param_names else told for fit in fits.values()]
     print(f"\n{mf.Table(columns)}")
     out: dict[str, Any] = {"fits": fits, "levels": {}}
     for name, fit in fits.items():
