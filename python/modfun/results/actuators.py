@@ -45,6 +45,7 @@ from .offsets import mean
 __all__ = ["limited_input", "unlike_command"]
 
 MOST = 20_000  # samples of all records, which are gone through one by one
+MOST_PATHS = 2  # of transfer functions: joint fits of more take seconds, and some thirty are tried
 TRIED = 24  # fits near the best value of the scan, for each unknown
 NEAR, CLOSER = 1.5, 1.15  # factors of values within which these are
 SLOWER, LAGS = (0.4, 1.0), (0.3, 1.0)  # of the rate without a lag, and of 1/(the highest line): tried first
@@ -206,6 +207,8 @@ def _suspect(fit: Estimates) -> bool:
         return False
     plain = fit.options.noise == "output" and (layout.rational or _linear(fit))
     if not (plain or fit.at_bound):
+        return False
+    if layout.rational and len(fit.outputs) * len(fit.inputs) > MOST_PATHS:
         return False
     quick = layout.rational and not layout.free_delays
     if not level_p(fit) < (UNLIKELY if quick else SURE) or noise_free(fit) is not None:
