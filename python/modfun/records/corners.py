@@ -64,4 +64,5 @@ def driving(rec: Batch | Record, rule: str = "gregory") -> F64:
 @kept
 def _smooth(rec: Record) -> F64:
     """The inputs of a record in even steps, known by samples."""
-    return frozen(without_corners(rec.u, rec.intersample))
+    found = without_corners(rec.u, rec.intersample)
+    return found if found is rec.u else frozen(found)
