@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import inf
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,7 @@ from ..base.cached import kept
 from ..base.names import listed
 from ..base.noisy_levels import levels_in_noise, white_level
 from ..base.student import root
+from ..errors import ModfunError
 from .cures import ENOUGH, WORTH, again, furthest, on_band
 from .diagnosis import level_p
 from .doubts import Doubt, numbers
@@ -112,9 +115,12 @@ def _stays_out(fit: Estimates, levels: F64) -> float:
     """
     seen, score = fit.high_band_levels[:, None] ** 2, 0.0
     for k, rec in enumerate(fit.records or ()):
-        whole, n = simulated(fit, k), fit.intervals[k]
+        try:
+            whole, n = simulated(fit, k), fit.intervals[k]
+        except ModfunError:  # of equations that leave measured signals open nothing can be simulated
+            return -inf
         if whole is None:
-            return 0.0
+            return -inf
         first = rec.intervals - n
         window = np.hanning(n + 1)
         unit = float(window @ window)
