@@ -114,12 +114,3 @@ def test_the_constant_of_an_equation_has_an_interval():
         assert high - low < 10 * found.bse[-1]
         covered += low < true["c"] < high
     assert covered >= 86
-
-
-def test_a_printed_fit_tells_of_errors_with_few_degrees_of_freedom():
-    plant, model = mf.tf([5], [1, 3, 8]), mf.TransferFunction(poles=2, zeros=0)
-    rec = mf.simulate(plant, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=1)
-    few, many = mf.fit(rec, model, harmonics=3), mf.fit(rec, model)
-    assert np.min(few.degrees) < 4 < np.min(many.degrees)
-    assert repr(few).endswith(f"; ± has {np.min(few.degrees):.2g} degrees of freedom)")
-    assert "degrees of freedom" not in repr(many)
