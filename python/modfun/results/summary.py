@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import inf, isfinite
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,6 @@ __all__ = ["Summary", "facts", "one_line", "parameters"]
 
 
 MANY = 8  # records whose noise levels are listed, and samples that are trusted least
-FEW_DEGREES = 4.0  # below, ± may be several times too small, which t of so few tells and ± does not
 SPIKE = 3.0  # times the record's usual noise: a sample that is named
 START = {
     "rest": "at rest, taken as known",
@@ -45,9 +44,7 @@ def one_line(fit: Estimates, doubts: int = 0) -> str:
         for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
     )
     said = f", {doubts} doubt{'s' if doubts > 1 else ''}" if doubts else ""
-    least = float(np.nanmin(np.asarray(fit.degrees, float), initial=inf))
-    rests = f"; ± has {least:.2g} degrees of freedom" if least < FEW_DEGREES else ""
-    return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}{said}: {numbers}{rests})"
+    return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}{said}: {numbers})"
 
 
 def _start(fit: Estimates) -> str:
