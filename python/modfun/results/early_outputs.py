@@ -117,10 +117,14 @@ def _earlier_inputs(rec: Record) -> Record:
 
 
 def _unheld(rec: Record) -> Record:
-    """The record with straight lines in place of held inputs, or smooth ones that do not look held."""
+    """The record with straight lines in place of held inputs, or smooth ones that do not look held.
+
+    Averages of a command lie on its levels or, where it moved, between them: under noise, so it seems.
+    """
     for k, word in enumerate(rec.intersample):
-        looks = FORMS[form_of(rec.u[k])]
-        rec = otherwise(rec, k, "smooth" if looks == "smooth" else "foh") if word == "zoh" else rec
+        form = form_of(rec.u[k])
+        between = form == "noisy" or FORMS[form] == "smooth"
+        rec = otherwise(rec, k, "smooth" if between else "foh") if word == "zoh" else rec
     return rec
 
 
