@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
-from math import sqrt
+from math import comb, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,10 +48,8 @@ def white_level(values: F64) -> float:
     """Return the level of white noise, from medians of differences: jumps of a held signal count little."""
     found = list[float]()
     for order in ORDERS:
-        sizes, square = np.abs(np.diff(values, order)), 1.0
-        for k in range(order):  # C(2q, q)
-            square *= 2 * (2 * k + 1) / (k + 1)
-        found.append(float(np.median(sizes)) / NORMAL / sqrt(square))
+        sizes = np.abs(np.diff(values, order))
+        found.append(float(np.median(sizes)) / NORMAL / sqrt(comb(2 * order, order)))
     return min(found)
 
 

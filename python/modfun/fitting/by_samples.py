@@ -103,6 +103,4 @@ class _Descent:
         errors = np.sqrt(np.linalg.inv(slopes @ slopes.T).diagonal() * square)
         scale[self.moving] = errors / np.sqrt(fit.cov_nonrobust.diagonal()[self.moving])
         covs = {name: getattr(fit, name) * np.outer(scale, scale) for name in COVARIANCES}
-        return replace(
-            fit, params=fit.params + (params - fit.params), noise_cov=fit.noise_cov * square, **covs
-        )
+        return replace(fit, params=params, noise_cov=fit.noise_cov * square, **covs)

@@ -16,7 +16,7 @@ from ..records.record import Record
 from ..results.cures import again, on_band
 from ..results.estimates import COVARIANCES
 
-__all__ = ["across", "between", "blind", "bridged", "hides_much", "relative", "variances", "weighs"]
+__all__ = ["across", "blind", "bridged", "hides_much", "relative", "variances", "weighs"]
 
 AnyFit = TypeVar("AnyFit", bound=Any)
 
@@ -96,13 +96,19 @@ def across(
 ) -> AnyFit:
     """The fit of `outputs` with the model's own response where they are blind, `refit` until nothing moves.
 
+    Of equations that are not linear the fit of the pieces between the gaps, if these are most of the records.
+
     What stands there has no weight in the criterion, but it is in the columns that each step is taken by: far
     from the response, steps lead astray or do not end. The fit of what lies around the gaps, as records of
     their own, is another start; of both ends the better one is kept.
     """
     if all(hidden is None for hidden in blinds):
         return fit
-    found, pieces = [_settled(fit, outputs, blinds, refit)], _around(fit, blinds)
+    pieces = _around(fit, blinds)
+    linear = fit.layout.rational or fit.structure.linear
+    if pieces is not None and not linear and _part(pieces.records, fit.records) >= MOST:
+        return _between(fit, pieces, outputs, blinds, refit)  # type: ignore[no-any-return]
+    found = [_settled(fit, outputs, blinds, refit)]
     if pieces is not None:
         start = replace(fit, params=pieces.params)
         if (other := _settled(start, outputs, blinds, refit)) is not start:
@@ -110,23 +116,13 @@ def across(
     return min(found, key=lambda one: (not one.usable, one.cost))
 
 
-def between(
-    fit: Any,
-    outputs: Sequence[F64],
-    blinds: Sequence[NDArray[np.bool_] | None],
-    refit: Callable[[list[F64]], Any],
-) -> Any:
-    """As `across` for equations that are not linear, where what lies between the gaps is most of the records.
+def _between(fit: Any, pieces: Any, outputs: Sequence[F64], blinds: Sequence[Any], refit: Any) -> Any:
+    """The fit of pieces that are most of the records, as that of the records.
 
-    Powers and products of what stands in a gap are in the columns, and no round of filling ends at the truth.
-    Estimates and covariances are those of the pieces as records of their own; residual lines those of the
-    records with their response in the gaps.
+    Powers and products of what stands in a gap are in the columns of equations that are not linear, and no
+    round of filling ends at the truth. Estimates and covariances are those of the pieces; residual lines
+    those of the records with their response in the gaps.
     """
-    if all(hidden is None for hidden in blinds):
-        return fit
-    pieces = _around(fit, blinds)
-    if pieces is None or not pieces.usable or _part(pieces.records, fit.records) < MOST:
-        return across(fit, outputs, blinds, refit)
     own = {name: getattr(pieces, name) for name in ("params", "status", "nit", "df_spectral", *COVARIANCES)}
     filled = _filled(replace(fit, params=pieces.params), outputs, blinds)
     other = fit if filled is None else refit(filled)
@@ -137,9 +133,13 @@ def between(
 
 def _part(pieces: Sequence[Record], records: Sequence[Record]) -> float:
     """Of the samples of records that count, those of their pieces."""
-    each = [np.ones_like(rec.y) if rec.mask is None else rec.mask for rec in (*pieces, *records)]
-    counts = [float(np.sum(own)) for own in each]
-    return sum(counts[: len(pieces)]) / sum(counts[len(pieces) :])
+    whole, kept = (sum(int(np.sum(_counting(rec))) for rec in each) for each in (records, pieces))
+    return kept / whole
+
+
+def _counting(rec: Record) -> NDArray[np.bool_]:
+    """Which samples count, (output, time)."""
+    return np.ones_like(rec.y, bool) if rec.mask is None else rec.mask
 
 
 def _settled(
@@ -176,8 +176,7 @@ def _around(fit: Any, blinds: Sequence[Any]) -> Any:
     for rec, hidden in zip(fit.records, blinds, strict=True):
         seen = np.ones(rec.t.size, bool) if hidden is None else ~hidden.any(axis=0)
         edges = np.flatnonzero(np.diff(seen, prepend=False, append=False)).reshape(-1, 2)
-        good = np.ones_like(rec.y, bool) if rec.mask is None else rec.mask
-        long = [(a, b) for a, b in edges if good[:, a:b].sum(axis=1).min() >= SHORTEST]
+        long = [(a, b) for a, b in edges if _counting(rec)[:, a:b].sum(axis=1).min() >= SHORTEST]
         pieces += [rec.window(rec.t[a], rec.t[b - 1]) for a, b in long]
     if not pieces or fit.again is None:
         return None

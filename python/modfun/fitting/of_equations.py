@@ -25,7 +25,7 @@ from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
 from .delay_starts import delay_starts
-from .gaps import across, between, blind, bridged, relative, variances
+from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
 from .signs import positive
@@ -224,8 +224,7 @@ def _sought(
         told = told or fitted(outputs, learn=False)
         fit = told if told.success else fit
     blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
-    bridge: Any = across if structure.linear else between
-    return bridge(fit, outputs, blinds, fitted)  # type: ignore[no-any-return]
+    return across(fit, outputs, blinds, fitted)
 
 
 def _quiet(records: Sequence[Record], order: int) -> bool:

@@ -119,7 +119,10 @@ class _Way:
 
     def bic(self, fit: Estimates) -> float:
         """BIC of that, and of the values that were found."""
-        other = self.fitted(fit)
+        return self.bic_of(self.fitted(fit), fit)
+
+    def bic_of(self, other: Estimates | None, fit: Estimates) -> float:
+        """The same where the fit with the position is there."""
         return bic_beside(other, fit) + self.values(fit) if other is not None else inf
 
     def values(self, fit: Estimates) -> float:
@@ -268,7 +271,7 @@ def _held(rec: Record, channel: int) -> Record:
 
 def _explains(fit: Estimates, way: _Way, other: Estimates) -> bool:
     """Whether what is left is noise, or little, and no change of the structure explains as much."""
-    after, noise_left = way.bic(fit), level_p(other) > ENOUGH
+    after, noise_left = way.bic_of(other, fit), level_p(other) > ENOUGH
     if not after < bic_beside(fit, fit) - UNSPOKEN:
         return False
     rows = (fit.df_resid + fit.params.size) / len(fit.row_names)
@@ -349,7 +352,7 @@ def _with_powers(fit: Estimates, way: _Way) -> float:
 
 def _told(fit: Estimates, way: _Way, other: Estimates) -> Doubt:
     """What the actuator seems to do, and how to go on."""
-    u, before, after = way.channel, bic_beside(fit, fit), way.bic(fit)
+    u, before, after = way.channel, bic_beside(fit, fit), way.bic_of(other, fit)
     if way.kind in LIMITS:
         text = f"The actuator saturates: {u} acts {_limits(way)} only, or so it seems"
     else:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from .._core import coefficients, line_event
 from ..base.arrays import C128, F64
-from ..errors import DataError
+from ..errors import ModfunError
 from ..records.corners import driving
 from ..records.record import Record
 from .estimates import Estimates
@@ -97,12 +97,15 @@ def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None], enough: 
 
 
 def simulated(fit: Estimates, k: int) -> F64 | None:
-    """Simulated outputs over what was fitted of a record; None where they leave the range of floats."""
+    """Simulated outputs over what was fitted of a record.
+
+    None where they leave the range of floats, and of equations that leave measured signals open.
+    """
     rec = fitted(fit)[k]
     try:
         with np.errstate(all="ignore"):
             return fit.simulate(rec)[0][:, rec.intervals - fit.intervals[k] :]
-    except DataError:
+    except ModfunError:
         return None
 
 

@@ -12,7 +12,6 @@ from ..base.cached import kept
 from ..base.names import listed
 from ..base.noisy_levels import levels_in_noise, white_level
 from ..base.student import root
-from ..errors import ModfunError
 from .cures import ENOUGH, WORTH, again, furthest, on_band
 from .diagnosis import level_p
 from .doubts import Doubt, numbers
@@ -115,10 +114,7 @@ def _stays_out(fit: Estimates, levels: F64) -> float:
     """
     seen, score = fit.high_band_levels[:, None] ** 2, 0.0
     for k, rec in enumerate(fit.records or ()):
-        try:
-            whole, n = simulated(fit, k), fit.intervals[k]
-        except ModfunError:  # of equations that leave measured signals open nothing can be simulated
-            return -inf
+        whole, n = simulated(fit, k), fit.intervals[k]
         if whole is None:
             return -inf
         first = rec.intervals - n
