@@ -13,7 +13,7 @@ const PIECE: usize = 1 << 15;
 /// Standard deviation σ̂ of white noise on evenly spaced samples.
 ///
 /// σ̂² is the mean of |Δ^q V(m)|² over m = N/4…N/2−q, q = `order` + 2, over its value at unit noise,
-/// C(2q, q) Σw²/N². The difference Δ^q removes what the ends of the record leak into the upper harmonics,
+/// C(2q, q) Σw²/N². N/4 is rounded up, or down where too few lines are left otherwise. The difference Δ^q removes what the ends of the record leak into the upper harmonics,
 /// which is smooth in m. A record of more than 2¹⁶ intervals is cut into pieces of 2¹⁵, whose σ̂² are
 /// averaged. Right only where the signal is empty there and the noise white: filtered records show less
 /// than they carry.
@@ -27,6 +27,8 @@ pub fn noise_level(samples: &[f64], order: usize) -> Result<f64, Error> {
 /// What [`noise_level`] needs for records of one length.
 pub(crate) struct NoiseLevel {
     plan: CoefficientPlan,
+    /// First line.
+    low: usize,
     /// Order of the difference.
     q: usize,
     /// Number of pieces.
@@ -40,14 +42,15 @@ impl NoiseLevel {
         let q = order.saturating_add(2);
         let least = q.saturating_mul(8).max(PIECE);
         let piece = if intervals >= 2 * PIECE { least.min(intervals) } else { intervals };
-        if (piece / 2 + 1).saturating_sub(piece.div_ceil(4) + LEAST) < q {
+        let low = piece.div_ceil(4).min((piece / 2 + 1).saturating_sub(q.saturating_add(LEAST)));
+        if low == 0 || low < piece / 4 {
             return Err(Error::Data(format!(
                 "the noise level at order {order} needs at least {} samples, the record has {samples}; take a longer record, or give the noise, noise=mf.Noise(y=...)",
-                q.saturating_add(LEAST).saturating_mul(4) - 3,
+                q.saturating_add(LEAST).saturating_mul(4) - 5,
             )));
         }
         let plan = CoefficientPlan::new(piece, piece / 2, Kind::Rule(Rule::Trapezoid), 0.0, 0)?;
-        Ok(NoiseLevel { plan, q, pieces: intervals / piece })
+        Ok(NoiseLevel { plan, low, q, pieces: intervals / piece })
     }
 
     /// σ̂ of samples of that length.
@@ -58,8 +61,8 @@ impl NoiseLevel {
     /// Covariance of the noise of channels of that length, row major, and the standard deviation of a correlation where
     /// there is none.
     pub fn covariance(&self, isa: Isa, channels: &[&[f64]]) -> Result<(Vec<f64>, f64), Error> {
-        let (plan, q, piece) = (&self.plan, self.q, self.plan.intervals());
-        let (low, top) = (piece.div_ceil(4), piece / 2);
+        let (plan, low, q, piece) = (&self.plan, self.low, self.q, self.plan.intervals());
+        let top = piece / 2;
         let mut lines = vec![[vec![0.0; top + 1], vec![0.0; top + 1]]; channels.len()];
         let mut scratch = plan.scratch();
         let size = channels.len();
@@ -127,8 +130,10 @@ mod tests {
 
     #[test]
     fn short_records_are_refused_with_the_length_that_serves() {
-        assert!(matches!(noise_level(&[0.0; 28], 2), Err(Error::Data(m)) if m.contains("has 28")));
-        assert!(noise_level(&[0.0; 29], 2).is_ok());
+        assert!(matches!(noise_level(&[0.0; 26], 2), Err(Error::Data(m)) if m.contains("at least 27 samples")));
+        for samples in 27..40 {
+            assert!(noise_level(&vec![0.0; samples], 2).is_ok(), "{samples} samples");
+        }
         assert!(noise_level(&[], 2).is_err());
     }
 }

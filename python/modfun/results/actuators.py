@@ -28,7 +28,7 @@ from .cures import (
     again,
     best_cure,
     bic_beside,
-    likely_cure,
+    of_written,
     on_band,
     otherwise,
     rewritten,
@@ -41,6 +41,7 @@ from .linear_lines import columns_of, linear_of, testable
 from .misfit import LIKE_GUSTS, UNLIKELY, UNSPOKEN, suspicious
 from .noisy_inputs import noisy_input
 from .offsets import mean
+from .worth import worth
 
 __all__ = ["limited_input", "unlike_command"]
 
@@ -234,11 +235,14 @@ def _likeliest(fit: Estimates) -> _Way | None:
 
 
 def _promising(fit: Estimates) -> list[_Way]:
-    """All ways, or of equations, whose fits take long, those of which one step leaves least."""
+    """All ways, or of equations, whose fits take long, those of which one step leaves least.
+
+    Less than any shift or term leaves that equations may lack: those are likelier than actuators.
+    """
     ways = list(_ways(fit))
     if not _linear(fit):
         return ways
-    bar = _after_step(fit, None) - UNSPOKEN
+    bar = _after_step(fit, None) - max(UNSPOKEN, *worth(fit).values())
     after = sorted([(_after_step(fit, way), k, way) for k, way in enumerate(ways)])
     return [way for left, _, way in after[:FEW] if left < bar]
 
@@ -287,7 +291,7 @@ def _explains(fit: Estimates, way: _Way, other: Estimates) -> bool:
     if fit.layout.rational:
         cures += [best_cure(fit, i, u) for i in range(len(fit.outputs)) for u in fit.inputs]
     else:
-        cures.append(likely_cure(fit))
+        cures.append(of_written(fit))
     bent = _with_powers(fit, way) if way.kind in LIMITS else inf
     # Of limits and a cube that explain as much the limits are likelier.
     # A limited rate is a delay where all steps are of one height: a linear change that does is likelier.

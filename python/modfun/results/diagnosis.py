@@ -34,6 +34,7 @@ __all__ = [
 
 ROUNDING = 1e-7
 PIECE = 1 << 15  # intervals of which long records' levels are made
+LEAST = 4  # lines of which a level is made
 
 
 @dataclass(frozen=True)
@@ -159,7 +160,7 @@ def level_df(intervals: Iterable[int], order: int) -> float:
 def _level_df(intervals: int, q: int) -> float:
     # Long records are cut into pieces, as in rust/core/noise_level.rs.
     piece = intervals if intervals < 2 * PIECE else min(max(8 * q, PIECE), intervals)
-    lines = max(piece // 2 - -(-piece // 4) - q + 1, 1)
+    lines = max(piece // 2 - -(-piece // 4) - q + 1, LEAST)
     centre, near = comb(2 * q, q), min(q, lines - 1)
     spread = sum((1 - abs(k) / lines) * (comb(2 * q, q + k) / centre) ** 2 for k in range(-near, near + 1))
     return 2 * lines * (intervals // piece) / spread

@@ -46,7 +46,13 @@ def noisy_input(fit: Estimates) -> Doubt | None:
     noisy = added > PART * added.sum()
     if not gain > WORTH or not _stands_out(fit, levels[noisy], noisy):
         return None
-    held = any(np.any(noisy & (np.array(rec.intersample) != "smooth")) for rec in fit.records or ())
+    held = [
+        levels_in_noise(rec.u[j])
+        for rec in fit.records or ()
+        for j in np.flatnonzero(noisy & (np.array(rec.intersample) != "smooth"))
+    ]
+    if any(one is None for one in held):
+        return None  # a computer that holds new values in each sample knows them
     if not _stays_out(fit, levels) > (0.0 if held else -WORTH):
         return None
     options = on_band(fit, fit.band).replace(noise="errors-in-variables")

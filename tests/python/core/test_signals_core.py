@@ -339,7 +339,7 @@ def test_bad_simulations_name_the_cure(change, error, text):
 
 
 def test_short_records_have_no_noise_level():
-    with pytest.raises(DataError, match="at least 29 samples, the record has 20"):
+    with pytest.raises(DataError, match="at least 27 samples, the record has 20"):
         _core.noise_level(np.ones((1, 20)), 2)
     with pytest.raises(DataError, match="channel 0 is NaN"):
         _core.noise_level(np.full((1, 200), np.nan), 2)
