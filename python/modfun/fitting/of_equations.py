@@ -28,7 +28,7 @@ from .delay_starts import delay_starts
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
-from .signs import positive
+from .signs import as_written, positive
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -171,7 +171,7 @@ def fit_equation(
         fit = sought(None)
     told = layout.formulas.words["starts"]
     if fit.success or starts is not None:
-        return fit if starts is not None else positive(fit, sought_from)
+        return fit if starts is not None else as_written(positive(fit, sought_from), sought_from)
     if any([start is not None for start in told]):
         # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.
         signed = tuple(

@@ -14,9 +14,10 @@ from ..errors import DataError
 from ..results.estimates import COVARIANCES
 from ..results.of_equations import EquationFit
 
-__all__ = ["positive", "signed", "signs_open"]
+__all__ = ["as_written", "positive", "signed", "signs_open"]
 
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
+CLOSE = 6.0  # differences of BIC short of strong evidence
 MIRRORED = 1e-3  # relative difference of costs within which searches end at the same minimum
 
 
@@ -41,6 +42,30 @@ def positive(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
             if found.success and found.cost <= (1 + MIRRORED) * fit.cost:
                 return found
     return fit
+
+
+def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
+    """The fit with positive parameters, where it explains the records about as well as one with others.
+
+    Of x' = a + V*x**2/(K**2 + x**2) - d*x the curve of V and d below 0 looks like that of both above over the
+    range of many records, and noise chooses. The signs that users write before parameters are then likelier.
+    """
+    words: Any = fit.layout.formulas.words
+    if words["linear"] or not fit.usable:
+        return fit
+    free = [start is None for start in words["starts"]]
+    if not np.any(free & (fit.params < 0) & (np.array(words["bounds"])[:, 1] > 0)):
+        return fit
+    within = tuple(
+        (max(low, 0.0) if is_free else low, high)
+        for is_free, (low, high) in zip(free, words["bounds"], strict=True)
+    )
+    found = sought([None] * fit.params.size, within)
+    settled = found.success and not found.at_bound and found.lines == fit.lines
+    if not settled or not found.bic < fit.bic + CLOSE:
+        return fit
+    same = abs(found.cost - fit.cost) <= MIRRORED * fit.cost
+    return found if same else replace(found, other_signs=fit.params)
 
 
 def signed(fit: EquationFit) -> EquationFit:

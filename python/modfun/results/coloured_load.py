@@ -14,41 +14,56 @@ __all__ = ["coloured_load"]
 
 UNEVEN = 0.05  # distance of the cumulated power of the lines from a straight line, which moves estimates
 STILL = 1e-3  # of the lowest frequency: growth of a pole that may as well be an integrator
-APART = 1.0  # standard errors that the fit in coloured noise is off, at least
+APART = 1.0  # standard errors that the fit in coloured noise is off where lines are uneven, at least
+MUCH = (
+    40.0  # of BIC: of 180 loads that were white the most was 21, of accelerations in turbulence the least 140
+)
+MOST_PATHS = 4  # of inputs to outputs: joint fits in coloured noise of more take seconds
 
 
 @kept
 def coloured_load(fit: Estimates) -> Doubt | None:
-    """That lines which were weighted by the spectrum of a white load are not of one level.
+    """That what drives the system is not white, by the lines or by a fit in noise of any smooth spectrum.
 
     Loads vary slowly, as friction, wind or the work of a tool does. Levels of a white one then leave too
-    little noise at low frequencies, and estimates give these too much weight. Coloured noise is fitted on the
-    same band, as by itself it may take one without the system's mode.
+    little noise at low frequencies, and estimates give these too much weight. What a sensor of acceleration
+    shows of turbulence has zeros, too, and poles alone then leave white lines with a system far off. Coloured
+    noise is fitted on the same band, as by itself it may take one without the system's mode.
     """
     if fit.options.noise != "process" or not fit.layout.rational or fit.again is None or fit.df_resid < 2:
         return None
     colour, _, _ = worst_colour(fit)
-    if not (colour.p_value < SURE and colour.statistic > UNEVEN):
+    uneven = colour.p_value < SURE and colour.statistic > UNEVEN
+    if not uneven and len(fit.outputs) * len(fit.inputs) > MOST_PATHS:
         return None
-    text = (
-        "The lines, weighted by the spectrum of a white load and of white noise of the sensor, are not of "
-        f"one level over the band (p = {colour.p_value:.1g}): the load is not white, or the model misses "
-        "part of the band, and estimates and their standard errors may be wrong."
-    )
     other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(noise="coloured"))
+    likelier = other is not None and other.success and other.bic < fit.bic - MUCH
+    if not (uneven or likelier):
+        return None
+    if uneven:
+        text = (
+            "The lines, weighted by the spectrum of a white load and of white noise of the sensor, are not "
+            f"of one level over the band (p = {colour.p_value:.1g}): the load is not white, or the model "
+            "misses part of the band, and estimates and their standard errors may be wrong."
+        )
+    else:
+        text = (
+            "White noise at the input of the poles is not what drives the system: its spectrum has zeros, "
+            "too, as that of accelerations in turbulence does, and estimates are wrong."
+        )
     if other is None or not other.success or growth(other) > STILL * fit.band[0]:
         return Doubt(
-            f'{text} A fit with noise="coloured" on that band does not settle on a system that is stable, '
-            "either. First take a record in which the input moves the system more beside the load, or hold "
+            f"{text} First take a record in which the input moves the system more beside the load, or hold "
             "what is known of it, params={...}."
         )
     moved = np.abs(other.params - fit.params) / fit.bse
     at = int(np.argmax(np.where(np.isfinite(moved), moved, 0.0)))
-    if not moved[at] > APART:
+    if uneven and not moved[at] > APART:
         return None
     name, (low, high) = fit.param_names[at], fit.band
+    fall = f" (BIC from {fit.bic:.4g} to {other.bic:.4g})" if likelier else ""
     return Doubt(
         f'{text} First try noise="coloured", band=({low:.4g}, {high:.4g}), whose noise may have any smooth '
-        f"spectrum: {name} is {fit.params[at]:.4g} ± {fit.bse[at]:.2g} without and {other.params[at]:.4g} ± "
-        f"{other.bse[at]:.2g} with it."
+        f"spectrum{fall}: {name} is {fit.params[at]:.4g} ± {fit.bse[at]:.2g} without and "
+        f"{other.params[at]:.4g} ± {other.bse[at]:.2g} with it."
     )

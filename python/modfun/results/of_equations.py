@@ -48,6 +48,8 @@ class EquationFit(Fit):
     bend : float
         How far noise bends signals with parameters inside, such as sin(k*y): second differences over a
         standard deviation of the noise, over first ones. Beyond 0.5 the criterion says nothing of these.
+    other_signs : (p,) array or None
+        Parameters of which some are negative and which explain the records about as well; else None.
     unnamed : tuple of Record
         The records where they have inputs that the equations do not name; else none.
     unfolded : tuple of Record
@@ -58,6 +60,7 @@ class EquationFit(Fit):
     levels: F64 = field(default_factory=lambda: np.empty((0, 0)))
     seen: F64 = field(default_factory=lambda: np.empty((0, 0)))
     bend: float = 0.0
+    other_signs: F64 | None = None
     unnamed: tuple[Record, ...] = ()
     unfolded: tuple[Record, ...] = ()
 

@@ -12,7 +12,7 @@ from ..base.names import listed
 from .doubts import Doubt
 from .estimates import Estimates
 
-__all__ = ["twin"]
+__all__ = ["other_signs", "twin"]
 
 EXCHANGED = 2.0  # standard errors between two sets of parameters with the same equations
 
@@ -49,6 +49,22 @@ def twin(fit: Estimates) -> Doubt | None:
         f"tells these parameters from the estimates. To choose, bound one: params={{{name!r}: {keeps}}} "
         f"keeps the estimates, {takes} takes {'those' if len(found) == 1 else 'the first of those'}{more}.",
         sure=any(_open(fit, other) for other in found),
+    )
+
+
+def other_signs(fit: Estimates) -> Doubt | None:
+    """That parameters of other signs explain the records as well as estimates with those that are written."""
+    other = getattr(fit, "other_signs", None)  # of equations
+    if other is None:
+        return None
+    names = [f"{name} = {x:.4g}" for name, x in zip(fit.param_names, other, strict=True)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        apart = np.where(other < 0, np.abs(other - fit.params) / fit.spread, -np.inf)
+    told = f"{fit.param_names[int(np.nanargmax(apart))]!r}: mf.Free(min=0)"
+    return Doubt(
+        f"With {listed(names)} the model explains the record as well: other signs of parameters make nearly "
+        "the same curve over the range of its signals. The estimates are those with the signs as written. If "
+        f"you know these, say so, params={{{told}}}; else take a record that moves more or has less noise."
     )
 
 

@@ -6,8 +6,8 @@
 
 use crate::math::{ln_1, sin_cos_turns_1};
 
-/// Longest autoregression.
-const MOST: usize = 4;
+/// Longest autoregression: that of two light modes in turbulence above white noise of the sensor needs some ten.
+const MOST: usize = 12;
 /// Lines an order must have.
 const LINES_EACH: usize = 6;
 /// Rounds of colour and parameters after which orders no longer change.
@@ -23,9 +23,12 @@ pub(crate) struct Autocovariance([f64; MOST + 1]);
 impl Autocovariance {
     /// Adds a line's power times its weight; `x` of `top` is where it stands in the band.
     pub fn add(&mut self, power: f64, x: f64, top: f64) {
-        for (lag, sum) in self.0.iter_mut().enumerate() {
-            let (_, cos) = sin_cos_turns_1(0.5 * lag as f64 * x / top);
-            *sum += power * cos;
+        // cos (k + 1)a = 2 cos a cos ka − cos (k − 1)a.
+        let (_, cos) = sin_cos_turns_1(0.5 * x / top);
+        let (mut before, mut now) = (cos, 1.0);
+        for sum in &mut self.0 {
+            *sum += power * now;
+            (before, now) = (now, 2.0 * cos * now - before);
         }
     }
 
@@ -70,13 +73,13 @@ pub(crate) struct Autoregression {
 impl Autoregression {
     /// Its size on a line.
     pub fn size(&self, x: f64, top: f64) -> f64 {
-        let (mut re, mut im) = (1.0, 0.0);
-        for (k, tap) in self.taps.iter().enumerate().take(self.order) {
-            let (sin, cos) = sin_cos_turns_1(0.5 * (k + 1) as f64 * x / top);
-            re += tap * cos;
-            im -= tap * sin;
-        }
-        f64::sqrt(re * re + im * im)
+        let (sin, cos) = sin_cos_turns_1(0.5 * x / top);
+        let turned = |(re, im): (f64, f64), tap: &f64| {
+            let own = re + tap;
+            (own * cos + im * sin, im * cos - own * sin)
+        };
+        let (re, im) = self.taps[..self.order].iter().rev().fold((0.0, 0.0), turned);
+        f64::sqrt((1.0 + re) * (1.0 + re) + im * im)
     }
 }
 
@@ -96,7 +99,7 @@ mod tests {
     #[test]
     fn an_autoregression_is_found_from_its_covariances() {
         // x_t = .9 x_{t−1} − .2 x_{t−2} + e: ρ1 = .9/1.2, ρ_k = .9 ρ_{k−1} − .2 ρ_{k−2}.
-        let mut rho = [1.0, 0.75, 0.0, 0.0, 0.0];
+        let mut rho = [0.0; MOST + 1];
         for k in 2..5 {
             rho[k] = 0.9 * rho[k - 1] - 0.2 * rho[k - 2];
         }
@@ -116,7 +119,8 @@ mod tests {
 
     #[test]
     fn power_on_lines_gives_its_autoregression_back() {
-        let (top, own) = (40.0, Autoregression { taps: [-0.8, 0.3, 0.0, 0.0], order: 2 });
+        let (top, mut own) = (40.0, Autoregression { taps: [0.0; MOST], order: 2 });
+        own.taps[..2].copy_from_slice(&[-0.8, 0.3]);
         let mut found = Autocovariance::default();
         for m in 0..=40 {
             let size = own.size(m as f64, top);

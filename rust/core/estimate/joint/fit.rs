@@ -205,7 +205,13 @@ impl JointFitter {
             (Some(_), Some(_)) => Some(JointStart::Wls),
             _ => narrow.as_deref().map(JointStart::Theta),
         };
-        if let Some(second) = second {
+        // Steps in white noise may lead away from what regression has, and noise then takes the modes.
+        let regression = match self.o.noise.colour {
+            Colour::Fitted => self.regression(loaded, records, &ranges)?,
+            Colour::Given => None,
+        };
+        let third = regression.as_deref().map(JointStart::Theta);
+        for second in [second, third].into_iter().flatten() {
             let mut other = self.single(&d, loaded);
             // Delays stand where that ended.
             other.w.iterates.theta.now.clone_from(&best.w.iterates.theta.now);
@@ -233,6 +239,26 @@ impl JointFitter {
             }
         }
         Ok(self.finished(&d, &mut best, (ended, rule), loaded))
+    }
+
+    /// The estimate in white noise of the equations on these lines, if there is one.
+    fn regression(
+        &self,
+        loaded: &Loaded,
+        records: &[JointRecord<'_>],
+        ranges: &[Range],
+    ) -> Result<Option<Vec<f64>>, Error> {
+        let noise =
+            NoiseModel { equation: true, colour: Colour::Given, ..self.o.noise.clone() };
+        let d = self.design(ranges, &loaded.scales, &noise, true)?;
+        let mut delayed = self.delayed(records);
+        let mut refresh =
+            |w: &mut JointWorkspace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
+        let mut single = self.single(&d, loaded);
+        let options = self.few_steps();
+        let ended = single.estimate(JointStart::Wls, &options, None, &mut refresh)?;
+        let is_there = matches!(ended.status, Status::Ok | Status::MaxIter);
+        Ok(is_there.then(|| single.w.theta(&d, 0).collect()))
     }
 
     /// What a user sees of an estimate.
