@@ -195,6 +195,8 @@ def _refuse_call(written: inspect.Signature, name: str, args: tuple[Any, ...], g
         if key not in options and not any(p.kind is kinds.VAR_KEYWORD for p in own):
             raise SpecError(f"{name}: there is no option {key!r}; {meant(key, options)}{hint}") from None
     placed = [p.name for p in own if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
+    if args and not own:
+        raise SpecError(f"{name}: it takes no arguments; write {name}()") from None
     if extra := args[len(placed) :]:
         free = [key for key in options if key not in placed and key not in given]
         call = ", ".join([*placed, *(f"{key}=..." for key in free[: len(extra)])]) or f"name={shown(args[0])}"

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from . import html
 from .arguments import public, shown
 from .names import nearest
 from .optional import optional
+from .writing import write_text
 
 __all__ = ["Findings", "Table"]
 
@@ -142,8 +144,13 @@ class Table:
         frame.attrs["units"] = self.units
         return frame
 
-    def to_csv(self) -> str:
+    def to_csv(self, path: str | PathLike[str] | None = None) -> str:
         r"""Return the table as comma-separated text, numbers with all their digits, units in brackets.
+
+        Parameters
+        ----------
+        path : str or path, optional
+            A file that the text is written to, too.
 
         Examples
         --------
@@ -154,10 +161,10 @@ class Table:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self._headings())
         writer.writerows(zip(*self.to_dict().values(), strict=True))
-        return text.getvalue()
+        return _kept("to_csv", text.getvalue(), path)
 
-    def to_markdown(self) -> str:
-        """Return the table as Markdown, numbers as they are printed.
+    def to_markdown(self, path: str | PathLike[str] | None = None) -> str:
+        """Return the table as Markdown, numbers as they are printed; `path` as in `to_csv`.
 
         Examples
         --------
@@ -171,10 +178,10 @@ class Table:
         lines = [self._headings(), *zip(*texts, strict=True)]
         rows = ["| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines]
         rule = "|" + "|".join("---:" if right else "---" for right in flush) + "|"
-        return "\n".join([rows[0], rule, *rows[1:]])
+        return _kept("to_markdown", "\n".join([rows[0], rule, *rows[1:]]), path)
 
-    def to_latex(self) -> str:
-        r"""Return the table as a LaTeX tabular, numbers as they are printed.
+    def to_latex(self, path: str | PathLike[str] | None = None) -> str:
+        r"""Return the table as a LaTeX tabular, numbers as they are printed; `path` as in `to_csv`.
 
         Examples
         --------
@@ -193,7 +200,7 @@ class Table:
         rows = [" & ".join(map(_latex, line)) + r" \\" for line in lines]
         layout = "".join("r" if right else "l" for right in flush)
         head = [rf"\begin{{tabular}}{{{layout}}}", r"\hline", rows[0], r"\hline"]
-        return "\n".join([*head, *rows[1:], r"\hline", r"\end{tabular}"])
+        return _kept("to_latex", "\n".join([*head, *rows[1:], r"\hline", r"\end{tabular}"]), path)
 
     def _headings(self) -> list[str]:
         """Names of the columns with their units in brackets."""
@@ -304,6 +311,13 @@ def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
         array[:] = plain
     array.flags.writeable = False
     return array
+
+
+def _kept(how: str, text: str, path: str | PathLike[str] | None) -> str:
+    """The text, written to a file, too, where one is named."""
+    if path is not None:
+        write_text(f"Table.{how}", str(path), text if text.endswith("\n") else text + "\n")
+    return text
 
 
 def _same(a: NDArray[Any], b: NDArray[Any]) -> bool:

@@ -12,8 +12,8 @@ from typing import Annotated, Any
 
 import typer
 
+from ..base.writing import write_text
 from ..errors import SpecError
-from ..files.writing import write_text
 from ..models.free import Free
 from ..results.storage import told
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.names import listed
+from ..base.writing import refuse_large, write_text
 from ..errors import DataError
-from .writing import refuse_large, write_text
 
 __all__ = ["Delimited", "is_date", "numbers", "of_lines", "read_delimited", "write_delimited"]
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from ..base.optional import optional
+from ..base.writing import refuse_large
 from ..errors import DataError
-from .writing import refuse_large
 
 __all__ = ["Opaque", "load_mat"]
 

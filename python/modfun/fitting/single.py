@@ -20,7 +20,7 @@ from .plain import fit_plain
 from .prepared import counts_start
 from .robust import refuse_robust, robust_fit
 from .signs import signed
-from .uneven import from_response, without_excess
+from .uneven import equations_on_fewer_lines, from_response, without_excess
 from .wider import equations_on_enough_lines
 
 __all__ = ["fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
@@ -35,7 +35,8 @@ def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
         few = fit_equation(records, structure, options, fit_quietly)
-        made = signed(equations_closely(equations_on_enough_lines(few, fit_equation), fit_equation))
+        enough = equations_on_enough_lines(equations_on_fewer_lines(few, fit_equation), fit_equation)
+        made = signed(equations_closely(enough, fit_equation))
         made = by_samples(made)
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):

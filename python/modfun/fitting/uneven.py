@@ -17,20 +17,24 @@ from ..records.record import Record
 from ..results.cures import on_band
 from ..results.estimates import COVARIANCES
 from ..results.fit import Fit
+from ..results.of_equations import EquationFit
 from ..results.prediction import path_model, unexplained
 from ..results.regression import trend_columns
 from ..systems.polynomials import companion, roots, time_unit
 
-__all__ = ["from_response", "without_excess"]
+__all__ = ["equations_on_fewer_lines", "from_response", "without_excess"]
 
 ROUNDS = 30
 SETTLED = 0.02  # of a standard error: the last step
 SAME = 1e-7  # of the parameters: the same without noise
 NEARBY = 0.2  # standard errors: between estimates that show how one round follows from the one before
 SLOWEST = 6  # samples per period of the last line of a wider band, by the mean step
+ABOVE = 1.5  # times the level of the high band: residuals in which sums over uneven samples may err
+FEWER = (0.75, 0.5)  # of the default band
 LARGE = 1 << 21  # lines times samples, for which matrices of both take too long
 
 Refit = Callable[[tuple[Record, ...], Options], Fit]
+Equations = Callable[..., EquationFit]
 
 
 def without_excess(fit: Fit, refit: Refit) -> Fit:
@@ -70,6 +74,32 @@ def from_response(fit: Fit, options: Options, refit: Refit) -> Fit | None:
         return None
     found = _settled(fit, options, refit)
     return None if found is fit else found
+
+
+def equations_on_fewer_lines(fit: EquationFit, refit: Equations) -> EquationFit:
+    """The fit on part of the default band, where its response leaves less of the samples.
+
+    Polynomials through uneven samples err the more the higher the line is, and nonlinear signals carry that
+    into all equations: the default band cannot see where, for the level that it expects is not to be had.
+    """
+    records = fit.records or ()
+    if fit.band_rule is None or not fit.usable or not any([rec.dt is None for rec in records]):
+        return fit
+    with np.errstate(divide="ignore", invalid="ignore"):
+        above = np.sqrt(np.diag(fit.noise_cov)) / np.mean(fit.seen[:, : len(fit.outputs)], axis=0)
+    if not np.any(above > ABOVE):
+        return fit
+    least, best = _misses(fit), fit
+    for part in FEWER:
+        try:
+            other = refit(records, fit.structure, on_band(fit, (fit.band[0], part * fit.band[1])), fit.again)
+        except ModfunError:  # fewer lines than unknowns
+            continue
+        if other.success and (left := _misses(other)) < least:
+            least, best = left, other
+    if best is fit:
+        return fit
+    return replace(best, options=fit.options, band_rule=fit.band_rule | {"narrowed": 1.0})
 
 
 def _settled(fit: Fit, options: Options, refit: Refit) -> Fit | None:

@@ -9,8 +9,8 @@ from itertools import count
 from pathlib import Path
 
 from ..base.optional import optional
+from ..base.writing import named, write_text
 from ..errors import SpecError
-from ..files.writing import named, write_text
 from .parts import Page
 
 __all__ = ["check_place", "render", "save"]

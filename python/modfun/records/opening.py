@@ -16,10 +16,10 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.names import nearest
 from ..base.optional import optional
+from ..base.writing import refuse_large
 from ..errors import DataError, SpecError
 from ..files.delimited import Delimited, read_delimited
 from ..files.excel import read_excel
-from ..files.writing import refuse_large
 from .columns import Columns, Told, from_arrays, numeric
 from .labelled import open_frame, open_xarray, told_of_frame
 from .matlab import open_mat

@@ -18,8 +18,8 @@ from ..base.cached import cached_property
 from ..base.names import nearest
 from ..base.samples import frequencies
 from ..base.tables import Findings, Table
+from ..base.writing import write_text
 from ..errors import SpecError
-from ..files.writing import write_text
 from ..pages.page import check_place, save
 from ..records.record import Record
 from . import check, derived, scores

@@ -196,6 +196,7 @@ def _band(fit: Estimates) -> str:
             f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "
             f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}"
             f"{end_in_words(fit)}{'; widened for the noise level' if 'widened' in rule else ''}"
+            f"{'; narrowed, as sums over uneven samples err beyond' if 'narrowed' in rule else ''}"
         )
     if fit.options.band is not None:
         return f"{text}: given as band"

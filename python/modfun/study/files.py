@@ -16,10 +16,10 @@ import numpy as np
 from numpy.lib.format import write_array
 from numpy.typing import NDArray
 
+from ..base import writing as whole
 from ..base.arrays import F64
+from ..base.writing import SCRATCH
 from ..errors import ModfunError
-from ..files import writing as whole
-from ..files.writing import SCRATCH
 from .work import Part
 
 __all__ = [

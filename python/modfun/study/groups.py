@@ -273,7 +273,7 @@ def groups(
                 if not np.all(rest.rms > 0) and any(nsr.labels):
                     raise DataError(
                         "MonteCarlo: the response from rest of an output is zero, so that nsr, noise "
-                        "relative to it, says nothing; give an input that moves the output"
+                        f"relative to it, says nothing; {_moving(rest)}"
                     )
                 added = None
                 if not unmoved:
@@ -323,3 +323,13 @@ def _state(given: Any, rest: Experiment) -> tuple[F64, F64]:
             "finite numbers (of a transfer function y, y', …), 'zero', 'random' or a function of rng"
         )
     return state, none
+
+
+def _moving(rest: Experiment) -> str:
+    """What moves the outputs of a study."""
+    if rest.inputs or isinstance(rest.system, LTI):
+        return "give an input that moves the output"
+    return (
+        "the system has no input, so that its initial state moves it: give numbers, initial_state=[...], or "
+        "make the records, generate=..."
+    )

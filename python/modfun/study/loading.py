@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ..base.arguments import public
+from ..base.writing import named
 from ..errors import DataError, SpecError
-from ..files.writing import named
 from ..results.loading import fit_from_dict
 from .shards import load as load_study
 

@@ -19,8 +19,8 @@ from ..base.arguments import shown
 from ..base.arrays import F64
 from ..base.callables import importable
 from ..base.progress import Progress
+from ..base.writing import memory
 from ..errors import ModfunWarning, SpecError
-from ..files.writing import memory
 from .directory import Directory, drawn_there
 from .engine import engine, tallies
 from .generated import Generated

@@ -128,3 +128,16 @@ def test_text_for_reports() -> None:
     assert markdown[2].startswith(r"| a\|b | 0.3333 |")
     assert table.to_csv().splitlines() == ["name_1,value,none", f"a|b,{1 / 3!r},", "50 % & more,2.0,1.5"]
     assert Table({"x": []}).to_csv() == "x\n"
+
+
+def test_tables_are_written_to_files(tmp_path):
+    table = Table({"mode": [1, 2], "omega": [2.5, 14.5]})
+    for name in ("to_csv", "to_markdown", "to_latex"):
+        place = tmp_path / name
+        text = getattr(table, name)(place)
+        assert text == getattr(table, name)()
+        assert place.read_text() == text.rstrip("\n") + "\n"
+    with pytest.raises(SpecError, match="there is no folder"):
+        table.to_csv(tmp_path / "none" / "a.csv")
+    with pytest.raises(SpecError, match=r"^Table.to_dict: it takes no arguments; write Table.to_dict\(\)"):
+        table.to_dict("a.csv")

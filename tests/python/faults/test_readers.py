@@ -121,7 +121,7 @@ def test_arrays_that_claim_to_be_huge() -> None:
 def test_an_archive_that_unpacks_to_more_than_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     np.savez_compressed("bomb.npz", y=np.zeros(10**6))
     assert Path("bomb.npz").stat().st_size < 20000
-    monkeypatch.setattr("modfun.files.writing.memory", lambda: 10**6)
+    monkeypatch.setattr("modfun.base.writing.memory", lambda: 10**6)
     with pytest.raises(mf.DataError, match=r"bomb.npz unpacks to 0.0 GiB and 0.0 GiB of memory are free"):
         mf.read("bomb.npz", outputs="y", dt=0.1)
 
