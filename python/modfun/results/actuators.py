@@ -207,8 +207,8 @@ def limited_input(fit: Estimates) -> Doubt | None:
 def _suspect(fit: Estimates) -> bool:
     """Whether there is more than noise in the residuals of linear equations, and an input that may be it."""
     layout: Any = fit.layout
-    if not fit.inputs or fit.again is None or not suspicious(fit) or still_held(fit):
-        return False
+    if not fit.inputs or fit.again is None or fit.options.reference or not suspicious(fit) or still_held(fit):
+        return False  # fits with a reference take a fifth of a second each
     plain = fit.options.noise == "output" and (layout.rational or _linear(fit))
     if not (plain or fit.at_bound):
         return False

@@ -86,6 +86,7 @@ STANDS = (
     "noise does and about as slowly as the system answers; keep it"
 )
 SLOW, MANY = 2.0, 16  # residual lines of the lower half of the band over those of the upper, of so many
+LONG = 2000  # operations per sample, of formulas that take seconds to fit
 FEWEST = 4  # samples per period where bands for such weights end
 PAYS = 3.0  # standard errors without their spectrum over those with it
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
@@ -408,9 +409,15 @@ def _seen(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Esti
 
 
 def is_quick(fit: Estimates) -> bool:
-    """Whether doubts are found while a line is printed: a delay makes each cure of an equation a search."""
+    """Whether doubts are found while a line is printed.
+
+    A delay makes each cure of an equation a search, and of long formulas each takes seconds.
+    """
     layout: Any = fit.layout
-    return layout.rational or all(late is None for _, _, late in layout.formulas.words["signals"])
+    if layout.rational:
+        return True
+    words = layout.formulas.words
+    return all(late is None for _, _, late in words["signals"]) and len(words["formulas"][0]) < LONG
 
 
 def check(fit: Estimates, line: str) -> Findings:
