@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import count, islice
 from math import inf, isfinite, log, nan
 from typing import Any, Unpack
 
@@ -14,6 +14,7 @@ from ..base import html
 from ..base.arguments import public, whole
 from ..base.arrays import F64
 from ..base.cached import cached_property
+from ..base.progress import Progress
 from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
 from ..fitting.candidates import best_of
@@ -113,6 +114,7 @@ def select_order(
     poles: int | Iterable[int] = range(1, 6),
     zeros: str | int | Iterable[int | tuple[int | None, ...]] = "any",
     delay: Delay | Sequence[Delay] = 0.0,
+    progress: str | bool = "auto",
     **options: Unpack[Choices],
 ) -> OrderSelection:
     """Compare transfer functions of several orders and choose one.
@@ -138,6 +140,8 @@ def select_order(
         poles allow them; a tuple gives one number an input (None: no path).
     delay : float or Free, or sequence of these, default 0
         Delay, s, as in `TransferFunction`: known, or estimated for each candidate (`Free` with a `max`).
+    progress : {"auto", True, False}
+        "auto": progress on standard error if the search takes longer than two seconds.
     **options
         Those of `fit`, method "awls" or "ml" only. With neither `band` nor `harmonics` the candidates are
         compared on the wide band of the default rule; where that is wider than the guideline for the largest
@@ -185,7 +189,7 @@ def select_order(
     2
     """
     records = records_of(data, "select_order")
-    checked = Options.checked("select_order", ("poles", "zeros", "delay"), **options)
+    checked = Options.checked("select_order", ("poles", "zeros", "delay", "progress"), **options)
     checked.refuse_alone("select_order")
     if checked.method not in ("awls", "ml") or checked.noise != "output":
         raise SpecError(
@@ -208,16 +212,24 @@ def select_order(
     structures, largest, too_large = _determined(records, structures, checked)
     words = decided_by_fit([records], structures, checked, best_of)
     records = read_as(records, words)
-    others = structures if words else structures[:-1]  # the largest has been fitted as it looks
-    fits = tuple(fit_quietly(records, structure, checked) for structure in others)
-    fits += () if words else (largest,)
-    race = Race(records, checked, structures, fits)
     sought = checked.band is None and checked.harmonics is None
-    band, least = race.wide() if sought else fits[-1].band, race.guideline()
-    if sought and not race.apart and least < band[1]:
-        look = _Judged(race, race.run(band, LOOK), band)
-        band = (band[0], min(band[1], max(least, fits[look.best].band[1])))
-    return _Judged(race, race.run(band), band).selection((*in_sentences(words), *too_large))
+    done, total = count(1), (2 + sought) * len(structures)  # fits by themselves, a look, the comparison
+    with Progress(progress, "select_order") as bar:
+
+        def step() -> None:
+            bar(next(done), total)
+
+        fits = []
+        for structure in structures if words else structures[:-1]:  # the largest was fitted as it looks
+            fits.append(fit_quietly(records, structure, checked))
+            step()
+        race = Race(records, checked, structures, (*fits, *(() if words else (largest,))), step)
+        band, least = race.wide() if sought else race.fits[-1].band, race.guideline()
+        if sought and not race.apart and least < band[1]:
+            look = _Judged(race, race.run(band, LOOK), band)
+            band = (band[0], min(band[1], max(least, race.fits[look.best].band[1])))
+        judged = _Judged(race, race.run(band), band)
+    return judged.selection((*in_sentences(words), *too_large))
 
 
 def _determined(

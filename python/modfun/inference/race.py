@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -35,6 +36,7 @@ class Race:
     options: Options
     structures: list[TransferFunction]
     fits: tuple[Fit, ...]
+    step: Callable[[], None]  # after each candidate
 
     @cached_property
     def apart(self) -> bool:
@@ -110,6 +112,7 @@ class Race:
             if made is not None and made.success and not (best and _mean(best) < _mean(made)):
                 best = made
             rows.append(_row(made or own, made is not None))
+            self.step()
         return rows
 
     def _together(self, options: Options, edge: float) -> list[dict[str, Any]]:
@@ -128,6 +131,7 @@ class Race:
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * edge)]
             row = core.fit(*self.channels, starts=[s.tolist() for s in starts])
             rows.append({**row, "fit": own, "usable": _usable(row)})
+            self.step()
         return rows
 
 
