@@ -20,8 +20,8 @@ from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.conversion import agreeing
 from ..records.forms import agreed
-from ..records.lost_rows import refuse_gap
 from ..records.record import Record
+from ..records.uneven_rows import refuse_gap
 from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
@@ -428,8 +428,7 @@ def structure_of(model: Any, what: str) -> Any:
 def records_of(data: Any, what: str = "fit", *, together: bool = True) -> tuple[Record, ...]:
     """One record or several of the same channels, as a user gave them; `together`: of one problem."""
     if isinstance(data, Record):
-        if data.dt is None:
-            refuse_gap(what, data.t)
+        refuse_gap(what, data)
         return (data,)
     if isinstance(data, Batch):
         raise SpecError(f"{what}: a Batch holds separate replicates; use fit_many(batch, model)")
@@ -450,8 +449,7 @@ def records_of(data: Any, what: str = "fit", *, together: bool = True) -> tuple[
     for k, rec in enumerate(records):
         _refuse_unlike(first, rec, k, what)
         agreeing(f"{what}: record {k}", rec, first.units, "record 0")
-        if rec.dt is None:
-            refuse_gap(f"{what}: record {k}", rec.t)
+        refuse_gap(f"{what}: record {k}", rec)
     return records
 
 

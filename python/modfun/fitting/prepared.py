@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from .._core import Fitter, JointFitter, Stream
 from ..base.arrays import F64
-from ..base.samples import rounded_step
+from ..base.samples import grid_step, rounded_step
 from ..errors import DataError, SpecError
 from ..models.layout import Layout
 from ..models.options import Options
@@ -386,14 +386,9 @@ def refuse_uneven(late: float, times: F64) -> NoReturn:
     """Refuse a delay of a record with uneven steps; a clock that was only rounded is named first."""
     even = rounded_step(times)
     clock = f"if its clock was only rounded, give dt={even:.6g} instead of the times; else " if even else ""
-    step = even or (times[-1] - times[0]) / (len(times) - 1)
     raise DataError(
         f"fit: a delay of {late:g} s needs even sampling, and the record's steps are uneven; {clock}"
-        f"resample it: t = np.arange(rec.t[0], rec.t[-1], {step:.4g}), then "
-        "mf.Record({y: np.interp(t, rec.t, rec[y]) for y in rec.outputs}, "
-        f'{{u: np.interp(t, rec.t, rec[u]) for u in rec.inputs}}, dt={step:.4g}, intersample="foh"), as '
-        "these inputs go straight then, and what the times of a command jitter goes into the delay; or leave "
-        "the delay out"
+        f"make it even, rec.resample({grid_step(times):.6g}), or leave the delay out"
     )
 
 

@@ -19,6 +19,7 @@ from .mask import leaving_out, runs
 from .samples import Samples
 from .slower import slow_samples
 from .spectra import noise_table, spectrum_of
+from .uneven_rows import written_at_changes
 
 __all__ = [
     "bad_samples",
@@ -119,6 +120,9 @@ def _clock(record: Samples) -> Iterator[str]:
     if record.dt is not None:
         return
     steps = np.diff(record.t)
+    if text := written_at_changes(record):
+        yield text
+        return
     gaps = np.flatnonzero(steps > 1.5 * usual)
     if gaps.size:
         worst = int(np.argmax(steps))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from .mask import runs
 
-__all__ = ["FROZEN", "dead_band", "dropouts", "frozen", "off_line", "rounded_top"]
+__all__ = ["CHANGES", "FROZEN", "dead_band", "dropouts", "frozen", "missing_small", "off_line", "rounded_top"]
 
 REPEATED = 0.1  # of the samples, at least
 CHANGES = 10  # at least
@@ -42,10 +42,10 @@ def dead_band(values: F64) -> float:
     moved = change[change > 0]
     held = np.gcd.reduce(np.diff(np.flatnonzero(change))) > 1  # by a sensor of another rate
     coded = np.unique(values).size < OWN * moved.size
-    return 0.0 if held or coded or not _gap(moved) else float(moved.min())
+    return 0.0 if held or coded or not missing_small(moved) else float(moved.min())
 
 
-def _gap(moved: F64) -> bool:
+def missing_small(moved: F64) -> bool:
     """Whether small changes are missing that are no multiples of one step."""
     least = float(moved.min())
     multiples = moved / least
@@ -155,7 +155,7 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
     moved = change[change > 0]
     part = float(np.diff(np.unique(values)).min()) / float(np.median(moved))
     zeros = values[starts] == 0
-    rare = (values.size * part ** (lengths - 1.0) < CHANCE) & (not rests) & (not _gap(moved))
+    rare = (values.size * part ** (lengths - 1.0) < CHANCE) & (not rests) & (not missing_small(moved))
     rare &= zeros | ~_again(values[starts], ~zeros)
     if np.count_nonzero(zeros & (rare | (np.minimum(into, out) > JUMP * _usual_bend(values)))) >= SEVERAL:
         return starts[zeros], lengths[zeros], True

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 from ..base.arrays import F64
 from ..base.between import FORMS, form_of
 from ..base.samples import even_step
-from ..errors import DataError
 from .mask import Mask, runs
 
-__all__ = ["completed", "refuse_gap"]
+__all__ = ["at_rows", "completed"]
 
 MOST = 0.2  # of the rows may be lost
 LONGEST = 0.1  # of the rows may be lost in a row, as in a fit of masked samples
-MANY = 10  # usual steps make a gap
 ALIKE = 0.25  # of the usual step: what other steps between neighbouring rows differ from it, at most
 
 
@@ -26,7 +24,11 @@ def completed(fields: dict[str, Any]) -> dict[str, Any]:
     found = _rows(fields["t"]) if fields["dt"] is None else None
     if found is None:
         return {**fields, "_lost": None}
-    rows, step = found
+    return at_rows(fields, *found)
+
+
+def at_rows(fields: dict[str, Any], rows: NDArray[np.intp], step: float) -> dict[str, Any]:
+    """The fields of an even record that has the samples given at these rows, and no others of outputs."""
     count = int(rows[-1]) + 1
     lost = np.ones(count, dtype=np.bool_)
     lost[rows] = False
@@ -47,23 +49,6 @@ def completed(fields: dict[str, Any]) -> dict[str, Any]:
         },
         "_lost": lost,
     }
-
-
-def refuse_gap(what: str, t: F64) -> None:
-    """Refuse times with a gap longer than what a mask may hide.
-
-    Raises
-    ------
-    DataError
-    """
-    steps = np.diff(t)
-    at, duration = int(np.argmax(steps)), float(t[-1] - t[0])
-    if steps[at] > max(LONGEST * duration, MANY * float(np.median(steps))):
-        raise DataError(
-            f"{what}: the record has no samples between {t[at]:.6g} and {t[at + 1]:.6g} s, "
-            f"{100 * steps[at] / duration:.2g} % of its length; cut it there and fit the pieces together, "
-            f"mf.fit(rec.split(gap={steps[at] / 2:.2g}), model)"
-        )
 
 
 def _rows(times: F64) -> tuple[NDArray[np.intp], float] | None:

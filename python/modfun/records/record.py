@@ -35,6 +35,7 @@ from .functions import functions_of, is_function, sampled, texts_of
 from .lost_rows import completed
 from .mask import filled, mask_of, refuse_scarce, sigma_of
 from .samples import Samples
+from .uneven_rows import even
 
 __all__ = ["Record"]
 
@@ -272,6 +273,47 @@ class Record(Samples):
         (True, {'q': 'rad/s'})
         """
         return converted(self, {**(units or {}), **others})
+
+    def resample(self, dt: float) -> Record:
+        """Return the record on an even grid, as delays need it, of samples at uneven times.
+
+        Each sample moves to the nearest instant of the grid. At all others inputs go as `intersample` says,
+        held, straight or smooth, and outputs are masked: fits then use no value that was not measured.
+        Where a row was written only when a value had changed, as `check` reports, no row means no change: in
+        gaps of more than a twentieth of the record a few values on the lines between the outputs count, too.
+
+        Parameters
+        ----------
+        dt : float
+            Step in seconds, from the first sample on. It rounds times by half of it at most: a tenth of the
+            mean step will do, or the step of a clock of which the times are multiples. Of several samples at
+            one instant the last is kept.
+
+        Returns
+        -------
+        Record
+
+        Raises
+        ------
+        SpecError
+            A step that is not positive, or makes too many samples; a record that is even already.
+        DataError
+            A step that leaves fewer than 8 samples.
+
+        Warns
+        -----
+        ModfunWarning
+            Rows were written only when a value had changed, which standard errors do not count.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> t = np.array([0.0, 1.1, 2.0, 2.9, 4.1, 5.0, 6.2, 6.9])
+        >>> rec = Record(y=t**2, u=t > 2.5, t=t, intersample="zoh").resample(0.1)
+        >>> rec.dt, len(rec.t), int(rec.mask.sum()), round(float(rec.t[np.argmax(rec["u"])]), 9)
+        (0.1, 70, 8, 2.9)
+        """
+        return even(self, dt)
 
     def check(self) -> Findings:
         """Say in words what is wrong or doubtful about the samples.

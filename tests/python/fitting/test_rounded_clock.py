@@ -40,5 +40,5 @@ def test_other_uneven_times_are_not_taken_for_a_rounded_clock():
     rng, rec = np.random.default_rng(0), record(7.3, 0)
     t = np.cumsum(rng.uniform(1, 13, rec.t.size))
     uneven = mf.Record(y=rec.y, u=rec.u, t=t, intersample="smooth")
-    with pytest.raises(mf.DataError, match=r"steps are uneven; resample it"):
+    with pytest.raises(mf.DataError, match=r"steps are uneven; make it even, rec\.resample"):
         mf.fit(uneven, LATE)

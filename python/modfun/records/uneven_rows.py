@@ -1,0 +1,137 @@
+"""Records of uneven steps: rows written when a value changed, long gaps, and the way to an even grid."""
+
+from __future__ import annotations
+
+import warnings
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arguments import real
+from ..base.samples import FEWEST, MOST_SAMPLES, grid_step
+from ..errors import DataError, ModfunWarning, SpecError
+from .dead_band import CHANGES, missing_small
+from .functions import sampled
+from .lost_rows import LONGEST, at_rows
+from .mask import runs
+from .samples import Samples
+
+__all__ = ["even", "refuse_gap", "written_at_changes"]
+
+MANY = 10  # usual steps make a gap
+SPREAD = 3.0  # the 90 % quantile of the steps over that of 10 %, at least, of rows written at changes
+OVERSHOT = 1.5  # dead bands: the usual change over long steps, at most; any other signal moves further
+KNOWN = 0.5  # of the longest gap that fits take: apart of values between rows that say "no change"
+
+Own = TypeVar("Own", bound=Samples)
+
+
+def by_exception(rec: Samples) -> dict[str, float]:
+    """The dead band of each output where a row was written only when a value had changed; else nothing.
+
+    Rows at which an input moves are written whatever the outputs did, and say nothing of their bands.
+    """
+    if rec.dt is not None or rec.mask is not None:
+        return {}
+    steps = np.diff(rec.t)
+    low, high = np.quantile(steps, (0.1, 0.9))
+    changes = np.abs(np.diff(rec.y, axis=1))
+    still = ~np.diff(rec.u, axis=1).any(axis=0)
+    if high < SPREAD * low or np.count_nonzero(still) < CHANGES or not changes[:, still].any(axis=0).all():
+        return {}
+    found = {}
+    for name, change in zip(rec.outputs, changes, strict=True):
+        own = still & (change > 0)
+        if np.count_nonzero(own) < CHANGES or not missing_small(change[own]):
+            return {}
+        long = own & (steps >= np.quantile(steps[own], 0.75))
+        found[name] = float(change[own].min())
+        if np.median(change[long]) > OVERSHOT * found[name]:
+            return {}
+    return found
+
+
+def written_at_changes(rec: Samples) -> str:
+    """Say what rows written by exception mean, and how to make them even; nothing of other records."""
+    bands = [f"{name!r} by {band:.3g}" for name, band in by_exception(rec).items()]
+    if not bands:
+        return ""
+    return (
+        f"A row seems to be written only when a value changed, {' or '.join(bands)} or more: no row means no "
+        f"change, not a gap. First make it even, rec.resample({grid_step(rec.t):.6g})."
+    )
+
+
+def even(rec: Own, dt: float) -> Own:
+    """The record on an even grid; see `Record.resample`."""
+    step = real("resample", "dt", dt)
+    if rec.dt is not None:
+        raise SpecError(f"resample: the samples are even already, dt={rec.dt:g} s, and fits take them")
+    if not step > 0 or not rec.duration / step < MOST_SAMPLES:
+        raise SpecError(
+            f"resample: dt={step:g} s of a record of {rec.duration:.6g} s; give a step above 0 that "
+            f"makes fewer than {MOST_SAMPLES:g} samples"
+        )
+    rows = np.rint((rec.t - rec.t[0]) / step).astype(np.intp)
+    last = np.append(np.diff(rows) > 0, True)  # of several samples at one instant of the grid
+    if np.count_nonzero(last) < FEWEST:
+        raise DataError(
+            f"resample: steps of {step:g} s leave {np.count_nonzero(last)} of {rows.size} samples, at least "
+            f"{FEWEST} are needed; give a shorter dt"
+        )
+    fields = rec._fields()
+    for name in ("t", "y", "u", "mask", "sigma"):
+        if fields[name] is not None:
+            fields[name] = fields[name][..., last]
+    fields["_keep"] = {name: own[last] for name, own in rec._keep.items()}
+    found = at_rows(fields, rows[last], step)
+    if by_exception(rec):
+        for good in found["mask"]:
+            _know(good)
+        warnings.warn(
+            "resample: rows seem to be written only when a value changed, and standard errors of fits do not "
+            "count that dead band: estimates may be 5 of them off, a few per cent; export samples if you can",
+            ModfunWarning,
+            stacklevel=4,
+        )
+    functions = {name: f for name, f in rec._functions.items() if name in rec.inputs}
+    for name, source in functions.items():
+        found["u"][rec.inputs.index(name)] = sampled(source, found["t"])
+    return rec._like(**{**found, "_lost": None, "_functions": functions})
+
+
+def _know(good: NDArray[np.bool_]) -> None:
+    """Let values on the lines between rows count where no row for so long says that nothing changed."""
+    apart = KNOWN * LONGEST * good.size
+    for first, length in zip(*runs(~good), strict=True):
+        if length > apart:
+            parts = int(np.ceil((length + 1) / apart))
+            good[first - 1 + np.arange(1, parts) * (length + 1) // parts] = True
+
+
+def refuse_gap(what: str, rec: Samples) -> None:
+    """Refuse times with a gap longer than what a mask may hide.
+
+    Raises
+    ------
+    DataError
+    """
+    if rec.dt is not None:
+        return
+    steps = np.diff(rec.t)
+    at = int(np.argmax(steps))
+    if steps[at] > max(LONGEST * rec.duration, MANY * float(np.median(steps))):
+        where = (
+            f"{what}: the record has no samples between {rec.t[at]:.6g} and {rec.t[at + 1]:.6g} s, "
+            f"{100 * steps[at] / rec.duration:.2g} % of its length"
+        )
+        if by_exception(rec):
+            raise DataError(
+                f"{where}, but rows seem to be written only when a value changed, so that none means no "
+                f"change; make it even, mf.fit(rec.resample({grid_step(rec.t):.6g}), model)"
+            )
+        raise DataError(
+            f"{where}; cut it there and fit the pieces together, "
+            f"mf.fit(rec.split(gap={steps[at] / 2:.2g}), model)"
+        )
