@@ -23,7 +23,7 @@ Names = str | Sequence[str] | None
 FEWEST = 8  # samples a record must have
 LARGEST = 1e151  # of a sample: squares of a million of them are still numbers
 PARTS = 10  # of the mean step: a grid for samples at any times
-MOST_PARTS = 100  # the same, where a finer grid holds all times
+MOST_PARTS = 100  # the same, a grid of the times' own
 MOST_SAMPLES = 10**7  # a simulation may make
 TEXTS = "convert the texts to numbers first, or let modfun.read do it; names go to inputs= and outputs="
 ROUNDED = 0.6  # of a step: how far a clock that is rounded, to a step at most, may stray from an even grid
@@ -336,11 +336,14 @@ def rounded_step(times: F64) -> float | None:
 
 
 def grid_step(times: F64) -> float:
-    """Return the step of a grid on which uneven times lie, else a tenth of their mean step."""
+    """Return about a tenth of the mean step of uneven times, in steps of their own grid if they have one.
+
+    On finer grids, of which nearly all samples are masked, searches go astray.
+    """
     steps = np.diff(times)
     least, mean = float(steps.min()), float(steps.mean())
     for part in range(1, PARTS + 1):
         counts = part * steps / least
         if np.abs(counts - np.rint(counts)).max() < 1e-3 and part * mean < MOST_PARTS * least:
-            return least / part
+            return least / part * max(1, int(part * mean / (PARTS * least)))
     return float(f"{mean / PARTS:.2g}")

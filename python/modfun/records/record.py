@@ -286,8 +286,8 @@ class Record(Samples):
         ----------
         dt : float
             Step in seconds, from the first sample on. It rounds times by half of it at most: a tenth of the
-            mean step will do, or the step of a clock of which the times are multiples. Of several samples at
-            one instant the last is kept.
+            mean step will do, and much finer grids make fits slow and may lead them astray. Of several
+            samples at one instant the last is kept.
 
         Returns
         -------
