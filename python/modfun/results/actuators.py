@@ -2,14 +2,15 @@
 
 Behind a servo with a rate limit all estimates are those of no system, and residuals follow no power of any
 signal. Each way in which an actuator may change a command has one unknown, of which a few values are tried by
-fits of the same structure.
+fits of the same structure; a servo has a lag beside its rate, and equations tell when a command changed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from functools import partial
+from itertools import accumulate, product
 from math import exp, inf, isfinite, log, pi
 from typing import Any
 
@@ -37,10 +38,11 @@ from .cures import (
 from .diagnosis import diagnose, growth, level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free, still_held
 from .estimates import Estimates
-from .linear_lines import columns_of, linear_of, testable
+from .linear_lines import linear_of, testable
 from .misfit import LIKE_GUSTS, UNLIKELY, UNSPOKEN, suspicious
 from .noisy_inputs import noisy_input
 from .offsets import mean
+from .position_steps import left_after, rows_with, wider
 from .worth import worth
 
 __all__ = ["limited_input", "unlike_command"]
@@ -50,8 +52,12 @@ MOST_PATHS = 2  # of transfer functions: joint fits of more take seconds, and so
 TRIED = 24  # fits near the best value of the scan, for each unknown
 NEAR, CLOSER = 1.5, 1.15  # factors of values within which these are
 SLOWER, LAGS = (0.4, 1.0), (0.3, 1.0)  # of the rate without a lag, and of 1/(the highest line): tried first
+FASTER, EARLY = (0.8, 1.0), (0.0, 0.5, 1.0)  # the same beside equations; of a sample before a command is seen
 PLACES = (0.3, 0.45, 0.6, 0.7, 0.8, 0.9)  # of the range of an input: limits that are tried
 LIMITS = ("both", "top", "bottom")  # kinds of limits of the range
+ROUNDS = 2  # of fits with a position, from which one step tells what others leave
+SMALL = 0.02  # change of a value, as `moved` counts, by which residuals are told how they go with it
+WIDER = 1.25  # factors of standard errors above which they are told
 FEW = 3  # ways of which equations are fitted
 LESS = 4.0  # times less power: what leaves more than the noise is named where it explains so much
 
@@ -65,6 +71,7 @@ class _Way:
     value: float
     lag: float = 0.0
     middle: float = 0.0  # of the range of the command
+    early: float | None = None  # s; a command may change before the sample that first holds its new value
 
     def position(self, rec: Record, held: bool) -> F64:
         """What reaches the plant, in the simplest form that the advice can write as one line."""
@@ -79,7 +86,8 @@ class _Way:
             found = accumulate(c.tolist(), lambda v, c: min(max(v, c - value), c + value))
         else:
             found = accumulate(c.tolist(), lambda v, c: c if abs(c - v) > value else v)
-        return np.fromiter(found, float, c.size)
+        moves = np.fromiter(found, float, c.size)
+        return moves if self.early is None else np.interp(rec.t + self.early, rec.t, moves)
 
     def part(self, rec: Record) -> float:
         """Of the way to a held command, what a lag lets an actuator go in a sample."""
@@ -107,9 +115,18 @@ class _Way:
             found.append(otherwise(moved, k, new) if new != word else moved)
         return tuple(found)
 
+    def ramped(self) -> str | None:
+        """The input, if its position goes at a steady rate from sample to sample."""
+        return self.channel if self.kind == "rate" else None
+
+    def left(self, fit: Estimates, other: Estimates) -> float:
+        """What one step leaves of equations, from a fit with the recorded or another position."""
+        return left_after(other, self.records(fit), self.ramped())
+
     def structure(self, fit: Estimates) -> Any:
         """The structure, without the pole that is the lag of the actuator."""
-        return rewritten(fit, poles=fit.layout.orders[0] - 1) if self.lag else fit.structure
+        lag_is_pole = self.lag and fit.layout.rational
+        return rewritten(fit, poles=fit.layout.orders[0] - 1) if lag_is_pole else fit.structure
 
     def fitted(self, fit: Estimates) -> Estimates | None:
         """The fit with the position, on the same band."""
@@ -128,7 +145,11 @@ class _Way:
 
     def values(self, fit: Estimates) -> float:
         """What values that are found cost of BIC; the lag stands for a pole."""
-        return log(fit.df_resid) * (1 + bool(self.lag or self.kind == "both"))
+        return log(fit.df_resid) * self.count()
+
+    def count(self) -> int:
+        """Of values that are looked for."""
+        return 1 + bool(self.lag or self.kind == "both") + (self.early is not None)
 
     def moved(self, x: F64, span: float) -> _Way:
         """The same with values so far away: of limits by parts of the range, others by powers."""
@@ -136,18 +157,30 @@ class _Way:
             middle = self.middle + 0.1 * span * x[1] if self.kind == "both" else 0.0
             return replace(self, value=self.value + 0.1 * span * x[0], middle=middle)
         lag = self.lag * NEAR ** x[1] if self.lag else 0.0
-        return replace(self, value=self.value * NEAR ** x[0], lag=lag)
+        early = None if self.early is None else self.early + x[2] * self.lag
+        return replace(self, value=self.value * NEAR ** x[0], lag=lag, early=early)
 
     def best(self, fit: Estimates) -> _Way:
         """The same with the values near these that explain most."""
-        from scipy.optimize import minimize
-
         if self.kind == "friction":  # the motion jumps with the value
             near = _frictions(fit, self.channel, np.geomspace(1 / CLOSER, CLOSER, TRIED) * self.value)
             return min([self, *near], key=lambda way: way.bic(fit))
-        span, count = _span(fit, self.channel), 2 if self.lag or self.kind == "both" else 1
+        if not _linear(fit):
+            return self.least(fit, lambda way: way.bic(fit))
+        way = self  # fits take long: steps from one of the position, twice, tell what they would
+        for _ in range(ROUNDS):
+            if (other := way.fitted(fit)) is None:
+                break
+            way = way.least(fit, partial(_Way.left, fit=fit, other=other))
+        return way
+
+    def least(self, fit: Estimates, left: Callable[[_Way], float]) -> _Way:
+        """The same with the values near these of which least is left."""
+        from scipy.optimize import minimize
+
+        span, count = _span(fit, self.channel), self.count()
         found = minimize(
-            lambda x: self.moved(x, span).bic(fit),
+            lambda x: left(self.moved(x, span)),
             np.zeros(count),
             method="Nelder-Mead",
             options={
@@ -158,9 +191,13 @@ class _Way:
         return self.moved(found.x, span)
 
     def behind_lag(self, fit: Estimates) -> _Way:
-        """The same of a servo whose lag is one of the poles, if that explains more."""
+        """The same of a servo whose lag is one of the poles, or beside equations, if that explains more."""
         layout, structure = fit.layout, fit.structure
-        if not (self.kind == "rate" and isinstance(structure, TransferFunction)):
+        if self.kind != "rate":
+            return self
+        if _linear(fit):
+            return self.with_time(fit)
+        if not isinstance(structure, TransferFunction):
             return self
         several = len(fit.inputs) > 1 or len(fit.outputs) > 1
         given = structure.denominator is not None or structure.params
@@ -173,6 +210,19 @@ class _Way:
         ]
         slow = min(starts, key=lambda way: way.bic(fit)).best(fit)
         return slow if slow.bic(fit) < self.bic(fit) - CLOSE else self
+
+    def with_time(self, fit: Estimates) -> _Way:
+        """The same of a servo beside equations, which has a lag as well if that explains about as much."""
+        other, step = self.fitted(fit), max([_step(rec) for rec in fit.records or ()])
+        if other is None:
+            return self
+        starts = [
+            replace(self, value=faster * self.value, lag=part / fit.band[1], early=early * step)
+            for faster, part, early in product(FASTER, LAGS, EARLY)
+        ]
+        free = min(starts, key=lambda way: way.left(fit, other)).best(fit)
+        slow = min(free, replace(free, early=None).best(fit), key=lambda way: way.bic(fit))
+        return slow if slow.bic(fit) < self.bic(fit) + CLOSE else self
 
     def on_both_sides(self, fit: Estimates) -> _Way:
         """The same with a limit at the other end, too, if that explains more."""
@@ -242,35 +292,35 @@ def _promising(fit: Estimates) -> list[_Way]:
     ways = list(_ways(fit))
     if not _linear(fit):
         return ways
-    bar = _after_step(fit, None) - max(UNSPOKEN, *worth(fit).values())
-    after = sorted([(_after_step(fit, way), k, way) for k, way in enumerate(ways)])
+    bar = left_after(fit, fit.records or ()) - max(UNSPOKEN, *worth(fit).values())
+    after = sorted([(way.left(fit, fit), k, way) for k, way in enumerate(ways)])
     return [way for left, _, way in after[:FEW] if left < bar]
 
 
-def _after_step(fit: Estimates, way: _Way | None) -> float:
-    """-2 log likelihood of linear equations with a position after one step, up to a constant."""
-    records, model = way.records(fit) if way else fit.records or (), linear_of(fit)
-    if way and way.kind == "rate":  # equations sum inputs as they did
-        k = fit.inputs.index(way.channel)
-        both = zip(records, fit.records or (), strict=True)
-        records = tuple([_held(rec, k) if old.intersample[k] == "zoh" else rec for rec, old in both])
-    changes: dict[str, Any] = {"records": records, "unfolded": ()}
-    moved = replace(fit, **changes)
-    assert model is not None
-    parts = [columns_of(moved, model, k, exact=False) for k in range(len(records))]
-    if any(part is None for part in parts):
-        return inf
-    every = np.concatenate([part for part in parts if part is not None], axis=1)
-    columns, e = every[: fit.params.size].T, every[-1]
-    left = e - columns @ np.linalg.lstsq(columns, e, rcond=None)[0]
-    return (fit.df_resid + fit.params.size) * log(max(float(left @ left), 1e-300))
+def _wider(fit: Estimates, way: _Way, other: Estimates) -> str:
+    """That standard errors of a fit with the position leave out those of its values, where these matter."""
+    factors = _factors(fit, way, other)
+    k = int(np.argmax(factors))
+    if not factors[k] > WIDER:
+        return ""
+    name, error = other.param_names[k], factors[k] * other.bse[k]
+    return (
+        " Standard errors then leave out that these values are estimates, too: "
+        f"{name} is {other.params[k]:.4g} ± {error:.2g}, which is {factors[k]:.2g} times as much."
+    )
 
 
-def _held(rec: Record, channel: int) -> Record:
-    """The record with the mean of an input over each sample, held."""
-    u = rec[rec.inputs[channel]]
-    own: dict[str, Any] = {rec.inputs[channel]: np.r_[(u[:-1] + u[1:]) / 2, u[-1]]}
-    return otherwise(rec.assign(**own), channel, "zoh")
+def _factors(fit: Estimates, way: _Way, other: Estimates) -> F64:
+    """By how much standard errors of linear equations grow where values of an actuator are estimates, too."""
+    span, none = _span(fit, way.channel), np.ones(other.params.size)
+    if way.kind == "friction" or not _linear(fit):
+        return none
+    if way.lag and way.early is None:
+        way = replace(way, early=0.0)
+    near = [way, *(way.moved(step, span) for step in SMALL * np.eye(3)[: way.count()])]
+    rows = [rows_with(other, one.records(fit), one.ramped()) for one in near]
+    found = [each for each in rows if each is not None]
+    return wider(found[0], found[1:]) if len(found) == len(rows) else none
 
 
 def _explains(fit: Estimates, way: _Way, other: Estimates) -> bool:
@@ -367,7 +417,7 @@ def _told(fit: Estimates, way: _Way, other: Estimates) -> Doubt:
         f"{text}. With that the residuals fall from {level_ratio(fit):.3g} to {level_ratio(other):.3g} times "
         f"the noise of the unused high band (BIC from {before:.4g} to {after:.4g}){bound}. First record the "
         "position behind the actuator (of the surface, the valve or the servo) and take it as the input; "
-        f"without one, try {_line(fit, way)}."
+        f"without one, try {_line(fit, way)}.{_wider(fit, way, other)}"
     )
 
 
@@ -409,11 +459,13 @@ def _line(fit: Estimates, way: _Way) -> str:
     else:
         rule, seen = f"c if abs(c - v) > {value} else v", c
     made = f"list(itertools.accumulate({seen}, lambda v, c: {rule}))"
+    if way.early is not None:
+        made = f"np.interp(rec.t {'-' if way.early < 0 else '+'} {abs(way.early):.3g}, rec.t, {made})"
     new, more = way.between(word), []
     if new != word:
         kinds = [*rec.intersample[:k], new, *rec.intersample[k + 1 :]]
         more.append(f"intersample={kinds if len(kinds) > 1 else new!r} in the record")
-    if way.lag:
+    if way.lag and fit.layout.rational:
         more.append(f"poles={fit.layout.orders[0] - 1}")
     return f"rec.assign({way.channel}={made}){' with ' if more else ''}{' and '.join(more)}"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from .actuators import unlike_command
 from .cures import (
     CLOSE,
     ENOUGH,
@@ -43,6 +44,8 @@ def late_channel(fit: Estimates) -> Doubt | None:
     word = _otherwise(fit, shift)
     if word and (found := _declared(fit, shift.channel, word)) is not None:
         return Doubt(_told(fit, shift) + _first(found), sure)
+    if sure and shift.channel in fit.inputs and shift.late < 0 and unlike_command(fit) is not None:
+        return None  # of a limited rate a delay explains a part
     # A lever, a lag or a term may look like a shift, and explain more.
     cure = (of_written if level_p(fit) < SURE else likely_cure)(fit) if sure else None
     if cure is None:

@@ -52,7 +52,7 @@ def sticking(c):
 
 def cured(rec, text, structure):
     """The fit of the record that a message makes."""
-    line = text.split("without one, try ")[1].removesuffix(".")
+    line = text.split("without one, try ")[1].split(". Standard errors")[0].removesuffix(".")
     made = eval(line.split(" with ")[0], {"np": np, "itertools": itertools, "rec": rec})
     if word := re.search(r"intersample='(\w+)'", line):
         made = mf.Record(y={y: made[y] for y in made.outputs}, u={u: made[u] for u in made.inputs},
@@ -70,6 +70,62 @@ def test_a_rate_limit_is_named_with_its_rate(seed, rate):
     fit, left = cured(rec, text, one)
     assert left == ""
     np.testing.assert_array_less(np.abs(fit.params - [2.2, 12]), 4 * fit.bse)
+
+
+def pitched(seed, rate, **words):
+    """A short period behind a servo of 0.04 s, whose command is a 3-2-1-1 and a doublet."""
+    n, dt = 800, 0.02
+    c = np.zeros(n + 1)
+    for k, width, sign in [
+        (50, 60, 1),
+        (110, 40, -1),
+        (150, 20, 1),
+        (170, 20, -1),
+        (450, 30, 1),
+        (480, 30, -1),
+    ]:
+        c[k : k + width] = 0.07 * sign
+    d = alpha = q = 0.0
+    y = np.zeros((2, n + 1))
+    for k in range(n):
+        for _ in range(20):
+            alpha, q = (
+                alpha + dt / 20 * (-1.1 * alpha + q - 0.12 * d),
+                q + dt / 20 * (-6 * alpha - 1.8 * q - 9 * d),
+            )
+            d += dt / 20 * min(max((c[k] - d) / 0.04, -rate), rate)
+        y[:, k + 1] = alpha, q
+    y += 0.0017 * np.random.default_rng(seed).standard_normal(y.shape)
+    return mf.Record(y={"alpha": y[0], "q": y[1] + 0.01}, u={"de": c}, dt=dt, **words)
+
+
+SHORT = mf.StateSpace(
+    A=[["Za", 1], ["Ma", "Mq"]],
+    B=[["Zde"], ["Mde"]],
+    states=["alpha", "q"],
+    inputs=["de"],
+)
+
+
+@pytest.mark.parametrize(("seed", "words"), [(0, {}), (1, {}), (2, {}), (3, {"intersample": "foh"})])
+def test_equations_behind_a_limited_servo_are_told_its_lag_and_what_that_leaves_uncertain(seed, words):
+    """Without the lag the line left Ma and Mde up to 13 standard errors off; chance makes 4 once in 10,000."""
+    rec = pitched(seed, 0.35, **words)
+    text = warned(rec, SHORT)[1]
+    rate, lag = re.search(r"limited to ([\d.]+) per s, behind a lag of ([\d.]+) s", text).groups()
+    assert float(rate) == pytest.approx(0.35, rel=0.05)
+    assert 0.02 < float(lag) < 0.06
+    wider = float(re.search(r"which is ([\d.]+) times as much", text)[1])
+    fit, left = cured(rec, text, SHORT)
+    assert left == ""
+    truth = {"Za": -1.1, "Ma": -6, "Mq": -1.8, "Zde": -0.12, "Mde": -9}
+    off = [abs(fit[name] - value) / fit.bse[fit.param_names.index(name)] for name, value in truth.items()]
+    assert max(off) < 4 * wider
+
+
+def test_equations_behind_a_servo_without_a_limit_lack_a_lag():
+    for seed in range(2):
+        assert "limited" not in warned(pitched(seed, 1e6), SHORT)[1]
 
 
 def test_a_servo_without_a_limit_is_no_actuator_that_fails():
