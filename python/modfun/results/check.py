@@ -76,6 +76,7 @@ from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
 from .unrecorded_inputs import unforced, unrecorded_input
+from .unseen_events import unseen_event
 
 __all__ = ["check", "is_quick", "warnings_of"]
 
@@ -383,8 +384,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     coded, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated, sparse,
-    not_from_zero, runaway, noise_bends, too_many_poles, early_output, limited_input, bounded, drifts,
-    misbegun,
+    not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output, limited_input,
+    bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
     misweighted, unlike_command, fed_back, noisy_input, coloured_load, eliminated, not_linear, unexplained,
@@ -430,6 +431,8 @@ def check(fit: Estimates, line: str) -> Findings:
         said = {look: look(_seen(look, fit, whole)) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))
+        if said[unseen_event]:
+            said |= dict.fromkeys((bounded, unsettled, unstable))
         if said[early_output]:
             said |= dict.fromkeys((limited_input, bounded))
         found = list(said.values())
@@ -441,6 +444,7 @@ def check(fit: Estimates, line: str) -> Findings:
             slow_input,
             unlike_records,
             one_record,
+            unseen_event,
             saturated,
             off_centre,
             in_other_units,

@@ -168,14 +168,19 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
 def of_tone(fit: Estimates) -> Doubt | None:
     """That most of the residuals are one tone, such as a hum."""
     found = hum(fit)
-    return Doubt(_tone(fit, *found), sure=False) if found else None
+    return Doubt(_tone(fit, *found), sure=False) if found and _repeats(fit, found) else None
 
 
 def _hum(fit: Estimates) -> tuple[int, float, float] | None:
     """The same on a wide band where a fit has few lines, of which none stands out; no slow noise."""
     wide = on_wide_band(fit)
     found = hum(fit) or (hum(wide) if wide is not None else None)
-    return found if found and found[1] > SLOWEST * min(fit.omega0) else None
+    return found if found and _repeats(fit, found) else None
+
+
+def _repeats(fit: Estimates, tone: tuple[int, float, float]) -> bool:
+    """Whether a record holds enough periods of a tone: one period is what a load makes that changes once."""
+    return tone[1] > SLOWEST * min(fit.omega0)
 
 
 def _tone(fit: Estimates, output: int, omega: float, part: float) -> str:

@@ -109,7 +109,7 @@ SHORT = mf.StateSpace(
 
 @pytest.mark.parametrize(("seed", "words"), [(0, {}), (1, {}), (2, {}), (3, {"intersample": "foh"})])
 def test_equations_behind_a_limited_servo_are_told_its_lag_and_what_that_leaves_uncertain(seed, words):
-    """Without the lag the line left Ma and Mde up to 13 standard errors off; chance makes 4 once in 10,000."""
+    """Without the lag the line left Ma and Mde 13 errors off; chance makes 4 of them once in 3,000."""
     rec = pitched(seed, 0.35, **words)
     text = warned(rec, SHORT)[1]
     rate, lag = re.search(r"limited to ([\d.]+) per s, behind a lag of ([\d.]+) s", text).groups()
