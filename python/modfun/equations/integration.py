@@ -43,7 +43,8 @@ class Signal:
     @classmethod
     def of(cls, values: F64, grid: F64) -> Signal:
         """The cubic spline through samples."""
-        return cls(grid, spline(grid, values).c.T, float(values[0]), 0.0)
+        curve = spline(grid, values)
+        return cls(curve.x, curve.c.T, float(values[0]), 0.0)
 
     def __call__(self, t: F64) -> F64:
         """Values at instants; on a knot those of the piece that begins."""
@@ -106,6 +107,7 @@ def signal(
         pieces = slopes[:, None] if order else np.column_stack([slopes, values[:-1]])
     else:
         smooth = spline(knots, values)
+        knots = smooth.x
         pieces = (smooth.derivative(order) if order else smooth).c.T
     return Signal(knots, pieces, float(values[0]) if steady and not order else 0.0, delay)
 

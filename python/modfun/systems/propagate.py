@@ -11,9 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from .._core import corners, gauss_legendre, simulate, simulate_uneven
+from .._core import gauss_legendre, simulate, simulate_uneven
 from ..base.arrays import F64
 from ..base.between import AUTO, FORMS, form_of
+from ..base.corners import corners
 from ..base.samples import FEWEST
 from ..base.words import INTERSAMPLE
 from ..errors import DataError, SpecError
@@ -21,7 +22,7 @@ from ..signals.sources import Source, evaluate, is_samples
 
 __all__ = ["Inputs", "intersample_kinds", "respond", "spline", "too_steep"]
 
-NODES = gauss_legendre()[0]  # of the quadrature within a sample, as parts of it
+NODES, WEIGHTS = gauss_legendre()  # of the quadrature within a sample, as parts of it
 EVEN = 1e-6  # of a step: differences between even ones
 
 
@@ -173,6 +174,8 @@ def too_steep(values: F64, step: float) -> DataError:
 def spline(grid: F64, values: F64) -> Any:
     """The cubic spline through samples, with corners where their slope jumps; SciPy's, with what it offers.
 
+    A corner between two samples is one more knot, of `.x`.
+
     Raises
     ------
     DataError
@@ -185,7 +188,7 @@ def spline(grid: F64, values: F64) -> Any:
             if values.size < 4:
                 found = CubicSpline(grid, values)
             else:
-                found = CubicSpline.construct_fast(_between_corners(grid, values), grid)
+                found = CubicSpline.construct_fast(*_between_corners(grid, values))
         except ValueError:
             found = None
     if found is None or not np.all(np.isfinite(found.c)):
@@ -193,12 +196,20 @@ def spline(grid: F64, values: F64) -> Any:
     return found
 
 
-def _between_corners(grid: F64, values: F64) -> F64:
-    """Coefficients (power descending, interval) of a spline from each corner of even samples to the next."""
+def _between_corners(grid: F64, values: F64) -> tuple[F64, F64]:
+    """Coefficients (power descending, interval) of a spline from corner to corner, and its knots."""
     steps = np.diff(grid)
-    even = np.ptp(steps) <= EVEN * steps[0]
-    ends = [0, *(at for at, _ in corners(np.ascontiguousarray(values)) if even), values.size - 1]
-    return np.hstack([_pieces(grid[a : b + 1], values[a : b + 1]) for a, b in pairwise(ends)])
+    bent = corners(np.ascontiguousarray(values)) if np.ptp(steps) <= EVEN * steps[0] else None
+    if bent is None:
+        return _pieces(grid, values), grid
+    whole = np.round(bent.part)
+    between = np.abs(bent.part - whole) > EVEN
+    after = bent.at[between] + 1
+    grid = np.insert(grid, after, grid[after - 1] + bent.part[between] * steps[after - 1])
+    values = np.insert(values, after, bent.values[between])
+    more = np.cumsum(between)
+    ends = [0, *(bent.at + np.where(between, more, whole + more)).astype(int).tolist(), values.size - 1]
+    return np.hstack([_pieces(grid[a : b + 1], values[a : b + 1]) for a, b in pairwise(ends)]), grid
 
 
 def _pieces(grid: F64, values: F64) -> F64:
@@ -235,9 +246,29 @@ def _smooth(source: Source, grid: F64, dt: float, delay: float) -> tuple[F64, F6
         return evaluate(source, at), evaluate(source, inside.ravel()).reshape(inside.shape)
     values = evaluate(source, grid)
     curve = spline(grid, values)
-    if delay == 0.0:
+    more = np.setdiff1d(curve.x, grid)
+    if delay == 0.0 and not more.size:
         return values, np.ascontiguousarray(curve.c.T @ np.vander(NODES * dt, len(curve.c)).T)
-    return curve(np.maximum(at, 0.0)), np.ascontiguousarray(curve(np.maximum(inside, 0.0)))
+    seen = np.ascontiguousarray(curve(np.maximum(inside, 0.0)))
+    for corner in more:
+        k = int(np.searchsorted(at, corner, side="right")) - 1
+        if k < len(seen):
+            seen[k] = _bent(curve, at[k], (corner - at[k]) / dt, dt)
+    return (values if delay == 0.0 else curve(np.maximum(at, 0.0))), seen
+
+
+def _bent(curve: Any, begin: float, part: float, dt: float) -> F64:
+    """What nodes of an interval with a corner see such that their rule integrates it times polynomials."""
+    places = np.concatenate([part * NODES, part + (1 - part) * NODES])
+    weights = np.concatenate([part * WEIGHTS, (1 - part) * WEIGHTS])
+    size = 2 * np.arange(NODES.size) + 1
+    lines = size * (weights * curve(np.maximum(begin + places * dt, 0.0)) @ _legendre(places))
+    return np.asarray(_legendre(NODES) @ lines)
+
+
+def _legendre(places: F64) -> F64:
+    """Legendre's polynomials (place, degree) of parts of an interval."""
+    return np.asarray(np.polynomial.legendre.legvander(2 * places - 1, NODES.size - 1))
 
 
 def _begins(source: Source) -> float:
