@@ -53,7 +53,7 @@ class Corners:
     taps: F64
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers of any size
+@np.errstate(all="ignore")  # numbers of any size
 def corners(samples: F64) -> Corners | None:
     """Corners of a signal in even steps; none in noise.
 
@@ -66,9 +66,8 @@ def corners(samples: F64) -> Corners | None:
     on = np.array([at for at, _ in at_samples(samples)], dtype=np.int64)
     step = np.diff(samples)
     rounding = LEAST * float(np.ptp(samples))
-    # Sides by their last sample: behind a corner from SIDE on, ahead of it from 0 on.
-    ahead, open_ahead, rising = _sides(step)
-    behind, open_behind, falling = (values[::-1] for values in _sides(step[::-1], back=True))
+    # Sides by their last sample: ahead of a corner from 0 on, behind it from SIDE on.
+    (ahead, open_ahead, rising), (behind, open_behind, falling) = _sides(step)
     count = step.size - 2 * SIDE  # steps from SIDE on
     open_ = open_behind[:count] + open_ahead[SIDE + 1 :]
     own = step[SIDE : SIDE + count]
@@ -95,19 +94,26 @@ def corners(samples: F64) -> Corners | None:
     return Corners(at[kept], part, values, taps)
 
 
-def _sides(step: F64, back: bool = False) -> tuple[F64, F64, Mask]:
-    """What leads a step on past each three differences, nearest first; what they leave open; which decay."""
-    near, following, far = step[:-2], step[1:-1], step[2:]
-    left = np.abs(far - 2 * following + near)
-    with np.errstate(all="ignore"):
-        ratio = following / near
-        less = np.abs(far - following * ratio)
-        # What decays as time goes on grows as it goes back.
-        quotient = 1 / ratio if back else ratio
-        decays = (CERTAIN * less < left) & (quotient > DECAY[0]) & (quotient < DECAY[1])
-        led: F64 = np.where(decays, -near / ratio, 3 * (following - near) - far)
-    open_: F64 = np.where(decays, less, left)
-    return led, open_, decays
+def _sides(step: F64) -> tuple[tuple[F64, F64, Mask], tuple[F64, F64, Mask]]:
+    """Ahead and behind: what leads a step on past three differences, what they leave open, which decay."""
+    first, middle, last = step[:-2], step[1:-1], step[2:]
+    bend = first - middle - middle + last
+    left, decay, straight = np.abs(bend), np.abs(first * last - middle * middle), middle - bend
+    sides = []
+    for near in (first, last):
+        size = np.abs(near)
+        decays = CERTAIN * decay < left * size
+        led, open_ = straight - 2 * near, left
+        if (sure := np.flatnonzero(decays)).size:
+            quotient = middle[sure] / first[sure] if near is first else last[sure] / middle[sure]
+            wrong = ~((quotient > DECAY[0]) & (quotient < DECAY[1]))
+            decays[sure[wrong]] = False
+            sure = sure[~wrong]
+            led[sure] = -(near[sure] ** 2) / middle[sure]
+            open_ = left.copy()
+            open_[sure] = decay[sure] / size[sure]
+        sides.append((led, open_, decays))
+    return sides[0], sides[1]
 
 
 def _meeting(
