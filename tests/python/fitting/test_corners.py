@@ -42,10 +42,10 @@ def test_an_actuator_that_lags_leaves_no_error(tau, dt, every):
 
 @pytest.mark.parametrize(("tau", "every"), [(0.025, 10), (0.05, 12), (0.25, 50)])
 def test_commands_that_step_between_samples_leave_none(tau, every):
-    # Taken for smooth, they put estimates up to 6e-2 off.
+    # Taken for smooth, they put estimates up to 1.2e-2 off.
     for part in (0.1, 0.3, 0.5, 0.7, 0.9):
         fit = mf.fit(flown(tau, 0.05, every, part=part), SECOND)
-        assert np.abs(fit.params / TRUTH - 1).max() < 2e-4, part
+        assert np.abs(fit.params / TRUTH - 1).max() < 5e-5, part
         assert not fit.remarks()
 
 
@@ -86,6 +86,18 @@ def test_errors_are_those_of_the_noise():
     fits = [mf.fit(flown(0.1, 0.05, 10, 0.005, seed), SECOND) for seed in range(20)]
     scores = np.array([(fit.params - TRUTH) / fit.bse for fit in fits])
     assert np.sqrt((scores**2).mean(axis=0)).max() < 1.6  # false alarm 1e-3 for scores of t with 30 degrees
+
+
+def test_errors_behind_steps_between_samples_are_those_of_the_noise():
+    # a2 was 5.2 standard errors off in the root mean square, and as far where the position has noise of 0.1 %.
+    for own in (0.0, 1e-3):
+        scores = []
+        for seed in range(100, 120):
+            rec = flown(0.05, 0.05, 20, 0.01, seed, part=0.4)
+            noise = own * rec.u.std() * np.random.default_rng(seed).standard_normal(rec.u.shape)
+            fit = mf.fit(mf.Record(y=rec.y, u=rec.u + noise, dt=rec.dt, intersample="smooth"), SECOND)
+            scores.append((fit.params - TRUTH) / fit.bse)
+        assert np.sqrt((np.array(scores) ** 2).mean(axis=0)).max() < 1.6  # false alarm 1e-3, as above
 
 
 def test_equations_and_state_spaces():
