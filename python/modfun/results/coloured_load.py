@@ -10,7 +10,7 @@ from .diagnosis import growth, worst_colour
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 
-__all__ = ["coloured_load"]
+__all__ = ["coloured_load", "weights_of_drive"]
 
 UNEVEN = 0.05  # distance of the cumulated power of the lines from a straight line, which moves estimates
 STILL = 1e-3  # of the lowest frequency: growth of a pole that may as well be an integrator
@@ -67,3 +67,12 @@ def coloured_load(fit: Estimates) -> Doubt | None:
         f"spectrum{fall}: {name} is {fit.params[at]:.4g} ± {fit.bse[at]:.2g} without and "
         f"{other.params[at]:.4g} ± {other.bse[at]:.2g} with it."
     )
+
+
+def weights_of_drive(fit: Estimates) -> str:
+    """Options of a fit whose noise has the spectrum of what drives the system: through its poles, or any."""
+    driven = again(fit, fit.records, fit.structure, fit.options.replace(noise="process"))
+    if driven is None or not coloured_load(driven):
+        return 'noise="process"'
+    low, high = driven.band
+    return f'noise="coloured", band=({low:.4g}, {high:.4g})'

@@ -8,7 +8,7 @@ from .._core import sharpest
 from ..base.between import MIXED
 from ..base.cached import kept
 from ..models.noise import Noise
-from .coloured_load import coloured_load
+from .coloured_load import weights_of_drive
 from .cures import (
     DRIFT,
     ENOUGH,
@@ -244,7 +244,7 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         text += (
             " Their spectrum is that of something which drives the system itself, such as turbulence, load "
             f"or an input that is not in the record.{_position(fit)} First try that input, or "
-            f"{_of_drive(fit)}."
+            f"{weights_of_drive(fit)}."
         )
         return Doubt(text, sure=d.chi2_p < SURE)
     if sure_only:
@@ -272,15 +272,6 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         over = f'noise="coloured", band=({low:.4g}, {high:.4g})'
         text += f" Coloured noise on the samples fits their spectrum: compare {over}, the band of this fit."
     return Doubt(text, sure=False)
-
-
-def _of_drive(fit: Estimates) -> str:
-    """The noise that has the spectrum of what drives the system: through its poles, or any."""
-    driven = again(fit, fit.records, fit.structure, fit.options.replace(noise="process"))
-    if driven is None or not coloured_load(driven):
-        return 'noise="process"'
-    low, high = driven.band
-    return f'noise="coloured", band=({low:.4g}, {high:.4g})'
 
 
 def _position(fit: Estimates) -> str:
