@@ -130,7 +130,9 @@ mod tests {
 
     #[test]
     fn short_records_are_refused_with_the_length_that_serves() {
-        assert!(matches!(noise_level(&[0.0; 26], 2), Err(Error::Data(m)) if m.contains("at least 27 samples")));
+        assert!(
+            matches!(noise_level(&[0.0; 26], 2), Err(Error::Data(m)) if m.contains("at least 27 samples"))
+        );
         for samples in 27..40 {
             assert!(noise_level(&vec![0.0; samples], 2).is_ok(), "{samples} samples");
         }

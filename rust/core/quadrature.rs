@@ -9,7 +9,7 @@ use crate::math::sin_cos_turns_1;
 
 mod corners;
 mod weights;
-pub use corners::corners;
+pub use corners::{corners, corners_between};
 pub(crate) use weights::Weights;
 
 /// How a sampled signal is integrated when nothing is known of it between the samples.

@@ -2,7 +2,9 @@
 
 use modfun::Error;
 use modfun::model::StateSpace;
-use modfun::quadrature::{Rule, corners as corners_of, gauss_legendre as nodes_and_weights};
+use modfun::quadrature::{
+    Rule, corners as corners_of, corners_between, gauss_legendre as nodes_and_weights,
+};
 use modfun::simulate::{Input, NODES};
 use modfun::spectrum::{CoefficientPlan, Kind};
 use numpy::ndarray::Dimension;
@@ -133,10 +135,11 @@ fn noise_level<'py>(
     Ok(vector(py, levels.map_err(to_python)?))
 }
 
-/// Samples at which the slope of a smooth signal jumps, and by how much over one sample.
+/// Samples at which the slope of a smooth signal jumps, and those between which and the next it does.
 #[pyfunction]
-fn corners(samples: PyReadonlyArray1<'_, f64>) -> PyResult<Vec<(usize, f64)>> {
-    Ok(corners_of(slice(&samples, "samples")?))
+fn corners(samples: PyReadonlyArray1<'_, f64>) -> PyResult<(Vec<usize>, Vec<usize>)> {
+    let samples = slice(&samples, "samples")?;
+    Ok((corners_of(samples).into_iter().map(|(at, _)| at).collect(), corners_between(samples)))
 }
 
 /// Nodes in (0, 1) and weights (sum 1) of the rule inside each sample of a smooth input.

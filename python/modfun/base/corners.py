@@ -8,7 +8,7 @@ from math import comb, factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import corners as at_samples
+from .._core import corners as found_by_core
 from .arrays import F64, I64
 
 __all__ = ["TAPS", "Corners", "corners"]
@@ -16,7 +16,6 @@ __all__ = ["TAPS", "Corners", "corners"]
 Mask = NDArray[np.bool_]
 
 SIDE = 3  # differences on each side, of a cubic or of a decay
-CLEAR = 12.0  # times what both sides leave open, and the lower quartile of that of all: at most 7 in noise
 CERTAIN = 64.0  # times less than a parabola leaves a decay open,
 DECAY = (0.13, 0.999)  # whose differences have such quotients: of lags from half a sample on
 LEAST = 1e-9  # of the range: rounding
@@ -58,31 +57,18 @@ def corners(samples: F64) -> Corners | None:
     """Corners of a signal in even steps; none in noise.
 
     On either side of a step between two samples a cubic goes through four samples, or a decay A + B exp(−t/τ)
-    where that leaves far less open at the last; both meet at the corner. The core finds those at samples by
-    the same, of which both sides have the sample. Of two that are near, what leaves less open is one.
+    where that leaves far less open at the last; both meet at the corner. Those at samples are found by the
+    same, of which both sides have the sample. Of two that are near, what leaves less open is one.
     """
-    if samples.size < 2 * SIDE + 1:
+    on, after = found_by_core(samples)
+    if not on and not after:
         return None
-    on = np.array([at for at, _ in at_samples(samples)], dtype=np.int64)
     step = np.diff(samples)
     rounding = LEAST * float(np.ptp(samples))
     # Sides by their last sample: ahead of a corner from 0 on, behind it from SIDE on.
-    (ahead, open_ahead, rising), (behind, open_behind, falling) = _sides(step)
-    count = step.size - 2 * SIDE  # steps from SIDE on
-    open_ = open_behind[:count] + open_ahead[SIDE + 1 :]
-    own = step[SIDE : SIDE + count]
-    early, late = own + ahead[SIDE + 1 :], own + behind[:count]
-    size = np.abs(late - early)
-    likely = np.flatnonzero(((early < 0) != (late < 0)) & (size > CLEAR * open_ + rounding))
-    if likely.size:
-        moves = np.abs(step)
-        quarter = float(np.partition(open_, open_.size // 4)[open_.size // 4])
-        least = max(quarter, float(moves[moves > rounding].min()))
-        likely = likely[size[likely] > CLEAR * (open_[likely] + least)]
-    if not on.size + likely.size:
-        return None
-    between = np.repeat([0, 1], [on.size, likely.size])
-    at = np.concatenate([on, likely + SIDE])
+    (open_ahead, rising), (open_behind, falling) = _sides(step)
+    between = np.repeat([0, 1], [len(on), len(after)])
+    at = np.array([*on, *after], dtype=np.int64)
     found = _meeting(samples, step, at, between, (falling[at - SIDE], rising[at + between]))
     left = (open_behind[at - SIDE] + open_ahead[at + between] + rounding) / np.abs(found[2])
     place, kept = (found[0] + at).tolist(), list[int]()
@@ -94,25 +80,15 @@ def corners(samples: F64) -> Corners | None:
     return Corners(at[kept], part, values, taps)
 
 
-def _sides(step: F64) -> tuple[tuple[F64, F64, Mask], tuple[F64, F64, Mask]]:
-    """Ahead and behind: what leads a step on past three differences, what they leave open, which decay."""
+def _sides(step: F64) -> tuple[tuple[F64, Mask], tuple[F64, Mask]]:
+    """Ahead and behind: what three differences leave open for the next step, and which decay."""
     first, middle, last = step[:-2], step[1:-1], step[2:]
-    bend = first - middle - middle + last
-    left, decay, straight = np.abs(bend), np.abs(first * last - middle * middle), middle - bend
+    left, decay = np.abs(first - 2 * middle + last), np.abs(first * last - middle * middle)
     sides = []
-    for near in (first, last):
+    for near, quotient in ((first, middle / first), (last, last / middle)):
         size = np.abs(near)
-        decays = CERTAIN * decay < left * size
-        led, open_ = straight - 2 * near, left
-        if (sure := np.flatnonzero(decays)).size:
-            quotient = middle[sure] / first[sure] if near is first else last[sure] / middle[sure]
-            wrong = ~((quotient > DECAY[0]) & (quotient < DECAY[1]))
-            decays[sure[wrong]] = False
-            sure = sure[~wrong]
-            led[sure] = -(near[sure] ** 2) / middle[sure]
-            open_ = left.copy()
-            open_[sure] = decay[sure] / size[sure]
-        sides.append((led, open_, decays))
+        decays = (CERTAIN * decay < left * size) & (quotient > DECAY[0]) & (quotient < DECAY[1])
+        sides.append((np.where(decays, decay / size, left), decays))
     return sides[0], sides[1]
 
 

@@ -1,10 +1,12 @@
-//! Corners of a smooth signal at samples, such as a command makes that steps through a lag.
+//! Corners of a smooth signal, at samples and between them, such as a command makes that steps through a lag.
 
 use crate::math::ln_1;
 
 /// How many times what its neighbours leave open, and what the lower quartile of all samples does, a jump of the slope
 /// is at least: 8.8 and more where a command steps every four samples, at most 4 in noise and in rounded samples.
 const CLEAR: f64 = 8.0;
+/// The same between samples, where both sides have one sample less in common: at most 7 in noise.
+const CLEARER: f64 = 12.0;
 /// How much less than a parabola a decay leaves open.
 const CERTAIN: f64 = 64.0;
 /// The least part of its range that a jump of the slope is over a sample.
@@ -77,6 +79,56 @@ pub fn corners(samples: &[f64]) -> Vec<(usize, f64)> {
     found
 }
 
+/// Samples after which, and before the next, the slope of a signal jumps.
+///
+/// A side leads a step on past three differences; between the steps that both sides lead to lies that of a signal with
+/// a corner in it. By rounding some next to corners at samples are among them, which those at samples are to come before.
+#[must_use]
+pub fn corners_between(samples: &[f64]) -> Vec<usize> {
+    if samples.len() < 2 * SIDE + 2 {
+        return Vec::new();
+    }
+    let steps: Vec<f64> = samples.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let (low, high) = samples
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    let rounding = LEAST * (high - low);
+    let (mut candidates, mut left) = (Vec::new(), Vec::new());
+    for k in SIDE..steps.len() - SIDE {
+        // What decays as time goes on grows as it goes back.
+        let (rising, falling) = (steps[k + 2] / steps[k + 1], steps[k - 1] / steps[k - 2]);
+        let (after, open_after) = led([steps[k + 1], steps[k + 2], steps[k + 3]], rising);
+        let (before, open_before) = led([steps[k - 1], steps[k - 2], steps[k - 3]], falling);
+        let open = open_after + open_before;
+        left.push(open);
+        let (early, late) = (steps[k] - after, steps[k] - before);
+        let size = (late - early).abs();
+        if (early < 0.0) != (late < 0.0) && size > CLEARER * open + rounding {
+            candidates.push((k, size, open));
+        }
+    }
+    if candidates.is_empty() {
+        return Vec::new();
+    }
+    let quarter = left.len() / 4;
+    let background = *left.select_nth_unstable_by(quarter, f64::total_cmp).1;
+    let moves = steps.iter().map(|step| step.abs()).filter(|size| *size > rounding);
+    let least = background.max(moves.fold(f64::INFINITY, f64::min));
+    candidates.retain(|(_, size, open)| *size > CLEARER * (open + least));
+    candidates.into_iter().map(|(k, ..)| k).collect()
+}
+
+/// The step next to three differences, nearest first, and what it leaves open: of a cubic, or of a signal that decays
+/// by `quotient` a sample, where that is certain beside it.
+fn led([near, next, far]: [f64; 3], quotient: f64) -> (f64, f64) {
+    let bend = near - 2.0 * next + far;
+    let (bent, decay, size) = (bend.abs(), (near * far - next * next).abs(), near.abs());
+    match CERTAIN * decay < bent * size && DECAY.contains(&quotient) {
+        true => (near * near / next, decay / size),
+        false => (2.0 * near - next + bend, bent),
+    }
+}
+
 /// What a parabola through the samples of the first two differences leaves open at the next.
 fn open([near, next, far]: [f64; 3]) -> f64 {
     (far - 2.0 * next + near).abs()
@@ -97,7 +149,7 @@ fn side([near, next, far]: [f64; 3], bent: f64, decay: f64, ratio: f64) -> (f64,
 #[cfg(test)]
 #[allow(clippy::disallowed_methods)]
 mod tests {
-    use super::corners;
+    use super::{corners, corners_between};
 
     /// A command that steps every `every` samples, through a lag by `tau` samples, and its corners.
     fn lagged(tau: f64, every: usize, count: usize) -> (Vec<f64>, Vec<(usize, f64)>) {
@@ -129,11 +181,24 @@ mod tests {
     }
 
     #[test]
+    fn corners_between_samples_are_found() {
+        for (tau, late) in [(1.0, 0.3), (2.0, 0.5), (0.5, 0.7), (5.0, 0.2)] {
+            let samples: Vec<f64> = (0..60)
+                .map(|k| match f64::from(k) - 30.0 - late {
+                    past if past < 0.0 => 0.0,
+                    past => 1.0 - (-past / tau).exp(),
+                })
+                .collect();
+            assert!(corners_between(&samples).contains(&30), "{tau} {late}");
+        }
+    }
+
+    #[test]
     fn smooth_signals_steps_and_rounded_samples_have_none() {
         for period in [4.5, 6.3, 8.0, 20.0, 300.0] {
             let sine: Vec<f64> =
                 (0..200).map(|k| (std::f64::consts::TAU * f64::from(k) / period).sin()).collect();
-            assert!(corners(&sine).is_empty(), "{period}");
+            assert!(corners(&sine).is_empty() && corners_between(&sine).is_empty(), "{period}");
         }
         let step: Vec<f64> = (0..40).map(|k| f64::from(k / 20)).collect();
         assert!(
@@ -153,7 +218,7 @@ mod tests {
             (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
         let noise: Vec<f64> = (0..4000).map(|_| uniform() + uniform() + uniform()).collect();
-        assert!(corners(&noise).is_empty());
+        assert!(corners(&noise).is_empty() && corners_between(&noise).is_empty());
         let mut sum = 0.0;
         let walk: Vec<f64> = noise
             .iter()
@@ -162,8 +227,8 @@ mod tests {
                 sum
             })
             .collect();
-        assert!(corners(&walk).is_empty());
+        assert!(corners(&walk).is_empty() && corners_between(&walk).is_empty());
         let rounded: Vec<f64> = walk.iter().map(|v| (v * 4.0).round() / 4.0).collect();
-        assert!(corners(&rounded).is_empty());
+        assert!(corners(&rounded).is_empty() && corners_between(&rounded).is_empty());
     }
 }

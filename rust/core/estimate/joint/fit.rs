@@ -248,8 +248,7 @@ impl JointFitter {
         records: &[JointRecord<'_>],
         ranges: &[Range],
     ) -> Result<Option<Vec<f64>>, Error> {
-        let noise =
-            NoiseModel { equation: true, colour: Colour::Given, ..self.o.noise.clone() };
+        let noise = NoiseModel { equation: true, colour: Colour::Given, ..self.o.noise.clone() };
         let d = self.design(ranges, &loaded.scales, &noise, true)?;
         let mut delayed = self.delayed(records);
         let mut refresh =
