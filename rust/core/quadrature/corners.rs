@@ -82,7 +82,7 @@ pub fn corners(samples: &[f64]) -> Vec<(usize, f64)> {
 /// Samples after which, and before the next, the slope of a signal jumps.
 ///
 /// A side leads a step on past three differences; between the steps that both sides lead to lies that of a signal with
-/// a corner in it. By rounding some next to corners at samples are among them, which those at samples are to come before.
+/// a corner in it. By rounding some next to corners at samples are among them: those at samples come first.
 #[must_use]
 pub fn corners_between(samples: &[f64]) -> Vec<usize> {
     if samples.len() < 2 * SIDE + 2 {
