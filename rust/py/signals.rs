@@ -135,7 +135,7 @@ fn noise_level<'py>(
     Ok(vector(py, levels.map_err(to_python)?))
 }
 
-/// Samples at which the slope of a smooth signal jumps, and those between which and the next it does.
+/// Samples at which the slope of a smooth signal jumps, and samples after which, before the next, it does.
 #[pyfunction]
 fn corners(samples: PyReadonlyArray1<'_, f64>) -> PyResult<(Vec<usize>, Vec<usize>)> {
     let samples = slice(&samples, "samples")?;

@@ -71,10 +71,13 @@ def corners(samples: F64) -> Corners | None:
     at = np.array([*on, *after], dtype=np.int64)
     found = _meeting(samples, step, at, between, (falling[at - SIDE], rising[at + between]))
     left = (open_behind[at - SIDE] + open_ahead[at + between] + rounding) / np.abs(found[2])
+    left = np.where(np.isfinite(found[3]).all(axis=1), left, np.inf)
     place, kept = (found[0] + at).tolist(), list[int]()
     for k in np.argsort(left * (1 + between), kind="stable").tolist():  # those at samples are surer
-        if all([abs(place[k] - place[other]) >= SIDE for other in kept]):
+        if np.isfinite(left[k]) and all([abs(place[k] - place[other]) >= SIDE for other in kept]):
             kept.append(k)
+    if not kept:
+        return None
     kept.sort(key=place.__getitem__)
     part, values, _, taps = (each[kept] for each in found)
     return Corners(at[kept], part, values, taps)

@@ -161,7 +161,7 @@ class Table:
         writer = csv.writer(text, lineterminator="\n")
         writer.writerow(self._headings())
         writer.writerows(zip(*self.to_dict().values(), strict=True))
-        return _kept("to_csv", text.getvalue(), path)
+        return _written("to_csv", text.getvalue(), path)
 
     def to_markdown(self, path: str | PathLike[str] | None = None) -> str:
         """Return the table as Markdown, numbers as they are printed; `path` as in `to_csv`.
@@ -178,7 +178,7 @@ class Table:
         lines = [self._headings(), *zip(*texts, strict=True)]
         rows = ["| " + " | ".join(cell.replace("|", r"\|") for cell in line) + " |" for line in lines]
         rule = "|" + "|".join("---:" if right else "---" for right in flush) + "|"
-        return _kept("to_markdown", "\n".join([rows[0], rule, *rows[1:]]), path)
+        return _written("to_markdown", "\n".join([rows[0], rule, *rows[1:]]), path)
 
     def to_latex(self, path: str | PathLike[str] | None = None) -> str:
         r"""Return the table as a LaTeX tabular, numbers as they are printed; `path` as in `to_csv`.
@@ -200,7 +200,7 @@ class Table:
         rows = [" & ".join(map(_latex, line)) + r" \\" for line in lines]
         layout = "".join("r" if right else "l" for right in flush)
         head = [rf"\begin{{tabular}}{{{layout}}}", r"\hline", rows[0], r"\hline"]
-        return _kept("to_latex", "\n".join([*head, *rows[1:], r"\hline", r"\end{tabular}"]), path)
+        return _written("to_latex", "\n".join([*head, *rows[1:], r"\hline", r"\end{tabular}"]), path)
 
     def _headings(self) -> list[str]:
         """Names of the columns with their units in brackets."""
@@ -313,10 +313,10 @@ def _column(values: Sequence[Any] | NDArray[Any]) -> NDArray[Any]:
     return array
 
 
-def _kept(how: str, text: str, path: str | PathLike[str] | None) -> str:
+def _written(how: str, text: str, path: str | PathLike[str] | None) -> str:
     """The text, written to a file, too, where one is named."""
     if path is not None:
-        write_text(f"Table.{how}", str(path), text if text.endswith("\n") else text + "\n")
+        write_text(f"Table.{how}", path, text if text.endswith("\n") else text + "\n")
     return text
 
 

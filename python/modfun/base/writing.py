@@ -49,7 +49,7 @@ def named(what: str, path: Any) -> Path:
         raise SpecError(f"{what}: the file is {path!r}; give its name as a text or a Path") from None
 
 
-def write_text(what: str, path: str | Path, text: str) -> None:
+def write_text(what: str, path: str | os.PathLike[str], text: str) -> None:
     """Write a file that a user named; `what` begins the message.
 
     Raises

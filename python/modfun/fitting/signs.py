@@ -48,17 +48,20 @@ def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> Equation
     """The fit with positive parameters, where it explains the records about as well as one with others.
 
     Of x' = a + V*x**2/(K**2 + x**2) - d*x the curve of V and d below 0 looks like that of both above over the
-    range of many records, and noise chooses. The signs that users write before parameters are then likelier.
+    range of many records, and noise chooses. The signs that users write before parameters are then likelier;
+    where they told a start or a lower bound, they have told more.
     """
     words: Any = fit.layout.formulas.words
     if words["linear"] or not fit.usable:
         return fit
-    free = [start is None for start in words["starts"]]
-    if not np.any(free & (fit.params < 0) & (np.array(words["bounds"])[:, 1] > 0)):
+    free = [
+        start is None and low == -inf and high > 0
+        for start, (low, high) in zip(words["starts"], words["bounds"], strict=True)
+    ]
+    if not np.any(free & (fit.params < 0)):
         return fit
     within = tuple(
-        (max(low, 0.0) if is_free else low, high)
-        for is_free, (low, high) in zip(free, words["bounds"], strict=True)
+        (0.0 if is_free else low, high) for is_free, (low, high) in zip(free, words["bounds"], strict=True)
     )
     found = sought([None] * fit.params.size, within)
     settled = found.success and not found.at_bound and found.lines == fit.lines

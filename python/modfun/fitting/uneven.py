@@ -21,6 +21,7 @@ from ..results.of_equations import EquationFit
 from ..results.prediction import path_model, unexplained
 from ..results.regression import trend_columns
 from ..systems.polynomials import companion, roots, time_unit
+from .wider import ENOUGH
 
 __all__ = ["equations_on_fewer_lines", "from_response", "without_excess"]
 
@@ -80,7 +81,7 @@ def equations_on_fewer_lines(fit: EquationFit, refit: Equations) -> EquationFit:
     """The fit on part of the default band, where its response leaves less of the samples.
 
     Polynomials through uneven samples err the more the higher the line is, and nonlinear signals carry that
-    into all equations: the default band cannot see where, for the level that it expects is not to be had.
+    into all equations. The default band cannot see where, as the noise level is unknown at uneven times.
     """
     records = fit.records or ()
     if fit.band_rule is None or not fit.usable or not any([rec.dt is None for rec in records]):
@@ -95,7 +96,7 @@ def equations_on_fewer_lines(fit: EquationFit, refit: Equations) -> EquationFit:
             other = refit(records, fit.structure, on_band(fit, (fit.band[0], part * fit.band[1])), fit.again)
         except ModfunError:  # fewer lines than unknowns
             continue
-        if other.success and (left := _misses(other)) < least:
+        if other.success and other.df_resid >= ENOUGH and (left := _misses(other)) < least:
             least, best = left, other
     if best is fit:
         return fit

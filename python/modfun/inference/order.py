@@ -209,21 +209,24 @@ def select_order(
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
         structure.layout(records[0].outputs, records[0].inputs)
-    structures, largest, too_large = _determined(records, structures, checked)
-    words = decided_by_fit([records], structures, checked, best_of)
-    records = read_as(records, words)
     sought = checked.band is None and checked.harmonics is None
-    done, total = count(1), (2 + sought) * len(structures)  # fits by themselves, a look, the comparison
+    rounds, done = 2 + sought, count(1)  # fits by themselves, a look, the comparison
     with Progress(progress, "select_order") as bar:
+        bar(0, rounds * len(structures))
+        structures, largest, too_large = _determined(records, structures, checked)
+        total = rounds * len(structures)
+        words = decided_by_fit([records], structures, checked, best_of)
+        records = read_as(records, words)
 
-        def step() -> None:
+        def on_candidate() -> None:
             bar(next(done), total)
 
         fits = []
-        for structure in structures if words else structures[:-1]:  # the largest was fitted as it looks
-            fits.append(fit_quietly(records, structure, checked))
-            step()
-        race = Race(records, checked, structures, (*fits, *(() if words else (largest,))), step)
+        for structure in structures:
+            known = structure is structures[-1] and not words  # the largest was fitted as it looks
+            fits.append(largest if known else fit_quietly(records, structure, checked))
+            on_candidate()
+        race = Race(records, checked, structures, tuple(fits), on_candidate)
         band, least = race.wide() if sought else race.fits[-1].band, race.guideline()
         if sought and not race.apart and least < band[1]:
             look = _Judged(race, race.run(band, LOOK), band)

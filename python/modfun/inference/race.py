@@ -36,7 +36,7 @@ class Race:
     options: Options
     structures: list[TransferFunction]
     fits: tuple[Fit, ...]
-    step: Callable[[], None]  # after each candidate
+    on_candidate: Callable[[], None]  # called after each
 
     @cached_property
     def apart(self) -> bool:
@@ -112,7 +112,7 @@ class Race:
             if made is not None and made.success and not (best and _mean(best) < _mean(made)):
                 best = made
             rows.append(_row(made or own, made is not None))
-            self.step()
+            self.on_candidate()
         return rows
 
     def _together(self, options: Options, edge: float) -> list[dict[str, Any]]:
@@ -131,7 +131,7 @@ class Race:
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * edge)]
             row = core.fit(*self.channels, starts=[s.tolist() for s in starts])
             rows.append({**row, "fit": own, "usable": _usable(row)})
-            self.step()
+            self.on_candidate()
         return rows
 
 

@@ -27,7 +27,7 @@ KNOWN = 0.5  # of the longest gap that fits take: apart of values between rows t
 Own = TypeVar("Own", bound=Samples)
 
 
-def by_exception(rec: Samples) -> dict[str, float]:
+def _dead_bands(rec: Samples) -> dict[str, float]:
     """The dead band of each output where a row was written only when a value had changed; else nothing.
 
     Rows at which an input moves are written whatever the outputs did, and say nothing of their bands.
@@ -54,7 +54,7 @@ def by_exception(rec: Samples) -> dict[str, float]:
 
 def written_at_changes(rec: Samples) -> str:
     """Say what rows written by exception mean, and how to make them even; nothing of other records."""
-    bands = [f"{name!r} by {band:.3g}" for name, band in by_exception(rec).items()]
+    bands = [f"{name!r} by {band:.3g}" for name, band in _dead_bands(rec).items()]
     if not bands:
         return ""
     return (
@@ -86,7 +86,7 @@ def even(rec: Own, dt: float) -> Own:
             fields[name] = fields[name][..., last]
     fields["_keep"] = {name: own[last] for name, own in rec._keep.items()}
     found = at_rows(fields, rows[last], step)
-    if by_exception(rec):
+    if _dead_bands(rec):
         for good in found["mask"]:
             _know(good)
         warnings.warn(
@@ -126,7 +126,7 @@ def refuse_gap(what: str, rec: Samples) -> None:
             f"{what}: the record has no samples between {rec.t[at]:.6g} and {rec.t[at + 1]:.6g} s, "
             f"{100 * steps[at] / rec.duration:.2g} % of its length"
         )
-        if by_exception(rec):
+        if _dead_bands(rec):
             raise DataError(
                 f"{where}, but rows seem to be written only when a value changed, so that none means no "
                 f"change; make it even, mf.fit(rec.resample({grid_step(rec.t):.6g}), model)"

@@ -292,7 +292,7 @@ def _promising(fit: Estimates) -> list[_Way]:
     ways = list(_ways(fit))
     if not _linear(fit):
         return ways
-    bar = left_after(fit, fit.records or ()) - max(UNSPOKEN, *worth(fit).values())
+    bar = left_after(fit, fit.records or ()) - max([UNSPOKEN, *worth(fit).values()])
     after = sorted([(way.left(fit, fit), k, way) for k, way in enumerate(ways)])
     return [way for left, _, way in after[:FEW] if left < bar]
 
@@ -305,7 +305,7 @@ def _wider(fit: Estimates, way: _Way, other: Estimates) -> str:
         return ""
     name, error = other.param_names[k], factors[k] * other.bse[k]
     return (
-        " Standard errors then leave out that these values are estimates, too: "
+        " The standard errors of that fit do not include the uncertainty of these values: with it "
         f"{name} is {other.params[k]:.4g} ± {error:.2g}, which is {factors[k]:.2g} times as much."
     )
 

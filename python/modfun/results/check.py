@@ -412,7 +412,7 @@ def _seen(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Esti
 def is_quick(fit: Estimates) -> bool:
     """Whether doubts are found while a line is printed.
 
-    A delay makes each cure of an equation a search, and of long formulas each takes seconds.
+    With delays each cure of an equation is a search, and with long formulas each takes seconds.
     """
     layout: Any = fit.layout
     if layout.rational:

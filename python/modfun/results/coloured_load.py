@@ -10,14 +10,12 @@ from .diagnosis import growth, worst_colour
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 
-__all__ = ["coloured_load", "weights_of_drive"]
+__all__ = ["coloured_load", "other_drive"]
 
 UNEVEN = 0.05  # distance of the cumulated power of the lines from a straight line, which moves estimates
 STILL = 1e-3  # of the lowest frequency: growth of a pole that may as well be an integrator
 APART = 1.0  # standard errors that the fit in coloured noise is off where lines are uneven, at least
-MUCH = (
-    40.0  # of BIC: of 180 loads that were white the most was 21, of accelerations in turbulence the least 140
-)
+MUCH = 40.0  # of BIC: of 180 white loads the most was 21, of accelerations in turbulence the least 140
 MOST_PATHS = 4  # of inputs to outputs: joint fits in coloured noise of more take seconds
 
 
@@ -36,8 +34,8 @@ def coloured_load(fit: Estimates) -> Doubt | None:
     uneven = colour.p_value < SURE and colour.statistic > UNEVEN
     if not uneven and len(fit.outputs) * len(fit.inputs) > MOST_PATHS:
         return None
-    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(noise="coloured"))
-    likelier = other is not None and other.success and other.bic < fit.bic - MUCH
+    other = _weighted(fit)
+    likelier = other is not None and other.bic < fit.bic - MUCH
     if not (uneven or likelier):
         return None
     if uneven:
@@ -48,10 +46,10 @@ def coloured_load(fit: Estimates) -> Doubt | None:
         )
     else:
         text = (
-            "White noise at the input of the poles is not what drives the system: its spectrum has zeros, "
-            "too, as that of accelerations in turbulence does, and estimates are wrong."
+            "White noise at the input of the poles does not seem to be what drives the system: its spectrum "
+            "may have zeros, too, as that of accelerations in turbulence does, and estimates may be wrong."
         )
-    if other is None or not other.success or growth(other) > STILL * fit.band[0]:
+    if other is None or not _steady(other):
         return Doubt(
             f"{text} First take a record in which the input moves the system more beside the load, or hold "
             "what is known of it, params={...}."
@@ -69,10 +67,26 @@ def coloured_load(fit: Estimates) -> Doubt | None:
     )
 
 
-def weights_of_drive(fit: Estimates) -> str:
-    """Options of a fit whose noise has the spectrum of what drives the system: through its poles, or any."""
+def other_drive(fit: Estimates) -> str:
+    """What else to try where something drives the system, in words; "" where neither ends well.
+
+    White noise through the poles of the system, or of any smooth spectrum where the record contradicts that.
+    """
     driven = again(fit, fit.records, fit.structure, fit.options.replace(noise="process"))
-    if driven is None or not coloured_load(driven):
-        return 'noise="process"'
-    low, high = driven.band
-    return f'noise="coloured", band=({low:.4g}, {high:.4g})'
+    if driven is None or not driven.success:
+        return ""
+    if not coloured_load(driven):
+        return ', or noise="process"'
+    other, (low, high) = _weighted(driven), driven.band
+    steady = other is not None and _steady(other)
+    return f', or noise="coloured", band=({low:.4g}, {high:.4g})' if steady else ""
+
+
+def _weighted(fit: Estimates) -> Estimates | None:
+    """The fit in coloured noise on the same band; None where it does not settle."""
+    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(noise="coloured"))
+    return other if other is not None and other.success else None
+
+
+def _steady(fit: Estimates) -> bool:
+    return not growth(fit) > STILL * fit.band[0]

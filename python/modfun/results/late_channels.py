@@ -45,7 +45,7 @@ def late_channel(fit: Estimates) -> Doubt | None:
     if word and (found := _declared(fit, shift.channel, word)) is not None:
         return Doubt(_told(fit, shift) + _first(found), sure)
     if sure and shift.channel in fit.inputs and shift.late < 0 and unlike_command(fit) is not None:
-        return None  # of a limited rate a delay explains a part
+        return None  # a delay explains part of what an actuator does
     # A lever, a lag or a term may look like a shift, and explain more.
     cure = (of_written if level_p(fit) < SURE else likely_cure)(fit) if sure else None
     if cure is None:

@@ -8,7 +8,7 @@ from .._core import sharpest
 from ..base.between import MIXED
 from ..base.cached import kept
 from ..models.noise import Noise
-from .coloured_load import weights_of_drive
+from .coloured_load import other_drive
 from .cures import (
     DRIFT,
     ENOUGH,
@@ -243,8 +243,8 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
     if found == "process":
         text += (
             " Their spectrum is that of something which drives the system itself, such as turbulence, load "
-            f"or an input that is not in the record.{_position(fit)} First try that input, or "
-            f"{weights_of_drive(fit)}."
+            f"or an input that is not in the record.{_position(fit)} First try that input"
+            f"{other_drive(fit)}."
         )
         return Doubt(text, sure=d.chi2_p < SURE)
     if sure_only:

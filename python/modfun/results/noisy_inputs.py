@@ -46,14 +46,10 @@ def noisy_input(fit: Estimates) -> Doubt | None:
     noisy = added > PART * added.sum()
     if not gain > WORTH or not _stands_out(fit, levels[noisy], noisy):
         return None
-    held = [
-        levels_in_noise(rec.u[j])
-        for rec in fit.records or ()
-        for j in np.flatnonzero(noisy & (np.array(rec.intersample) != "smooth"))
-    ]
-    if any(one is None for one in held):
-        return None  # a computer that holds new values in each sample knows them
-    if not _stays_out(fit, levels) > (0.0 if held else -WORTH):
+    if any(_known(fit, j) for j in np.flatnonzero(noisy).tolist()):
+        return None
+    steps = any(np.any(noisy & (np.array(rec.intersample) != "smooth")) for rec in fit.records or ())
+    if not _stays_out(fit, levels) > (0.0 if steps else -WORTH):
         return None
     options = on_band(fit, fit.band).replace(noise="errors-in-variables")
     other = again(fit, fit.records, fit.structure, options)
@@ -82,6 +78,12 @@ def _testable(fit: Estimates) -> bool:
         and bool(np.all(fit.high_band_levels > 0))
         and (fit.layout.rational or linear_of(fit) is not None)
     )
+
+
+def _known(fit: Estimates, channel: int) -> bool:
+    """Whether an input is held at a new value in each sample: those of controllers have no noise."""
+    held = [rec.u[channel] for rec in fit.records or () if rec.intersample[channel] == "zoh"]
+    return bool(held) and all([levels_in_noise(u) is None for u in held])
 
 
 def _evidence(fit: Estimates, levels: F64) -> tuple[float, F64]:

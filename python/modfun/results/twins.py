@@ -60,7 +60,7 @@ def other_signs(fit: Estimates) -> Doubt | None:
     names = [f"{name} = {x:.4g}" for name, x in zip(fit.param_names, other, strict=True)]
     with np.errstate(divide="ignore", invalid="ignore"):
         apart = np.where(other < 0, np.abs(other - fit.params) / fit.spread, -np.inf)
-    told = f"{fit.param_names[int(np.nanargmax(apart))]!r}: mf.Free(min=0)"
+    told = f"{fit.param_names[int(np.argmax(np.nan_to_num(apart, nan=-np.inf)))]!r}: mf.Free(min=0)"
     return Doubt(
         f"With {listed(names)} the model explains the record as well: other signs of parameters make nearly "
         "the same curve over the range of its signals. The estimates are those with the signs as written. If "

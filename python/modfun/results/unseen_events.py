@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from ..base.cached import kept
 from ..models.transfer_function import TransferFunction
+from .coloured_load import MOST_PATHS
 from .cures import DRIFT, ENOUGH, again, best_cure
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, clipped, joined, noise_free
@@ -26,6 +27,8 @@ def unseen_event(fit: Estimates) -> Doubt | None:
     plain = isinstance(fit.structure, TransferFunction) and fit.options.noise == "output"
     if not plain or not fit.inputs or fit.again is None or not fit.records or noise_free(fit):
         return None
+    if len(fit.outputs) * len(fit.inputs) > MOST_PATHS:
+        return None
     if not suspicious(fit) or not refuted(fit) or joined(fit) or clipped(fit):
         return None
     if any(
@@ -46,12 +49,12 @@ def unseen_event(fit: Estimates) -> Doubt | None:
 
 
 def _inside(fit: Estimates, time: float) -> bool:
-    """Whether a time is not near the ends of a record, where free motion of poles that are missing is."""
+    """Whether a time is not near the ends of any record, where free motion of poles that are missing is."""
     for rec in fit.records or ():
         margin = EDGE * float(rec.t[-1] - rec.t[0])
-        if rec.t[0] + margin < time < rec.t[-1] - margin:
-            return True
-    return False
+        if min(abs(time - rec.t[0]), abs(time - rec.t[-1])) < margin:
+            return False
+    return True
 
 
 def _structural(fit: Estimates) -> bool:

@@ -246,7 +246,7 @@ def _smooth(source: Source, grid: F64, dt: float, delay: float) -> tuple[F64, F6
         return evaluate(source, at), evaluate(source, inside.ravel()).reshape(inside.shape)
     values = evaluate(source, grid)
     curve = spline(grid, values)
-    more = np.setdiff1d(curve.x, grid)
+    more = np.setdiff1d(curve.x, grid) if delay == 0.0 else _corners_of(curve)
     if delay == 0.0 and not more.size:
         return values, np.ascontiguousarray(curve.c.T @ np.vander(NODES * dt, len(curve.c)).T)
     seen = np.ascontiguousarray(curve(np.maximum(inside, 0.0)))
@@ -257,8 +257,19 @@ def _smooth(source: Source, grid: F64, dt: float, delay: float) -> tuple[F64, F6
     return (values if delay == 0.0 else curve(np.maximum(at, 0.0))), seen
 
 
+def _corners_of(curve: Any) -> F64:
+    """Knots of a spline at which its slope jumps."""
+    powers = np.arange(len(curve.c))[::-1]
+    ends = np.sum(
+        [p * c * np.diff(curve.x) ** max(p - 1, 0) for p, c in zip(powers, curve.c, strict=True)], axis=0
+    )
+    slopes = curve(curve.x[1:-1], 1)
+    jumps = np.abs(slopes - ends[:-1]) > EVEN * np.max(np.abs(slopes), initial=1e-300)
+    return np.asarray(curve.x[1:-1][jumps])
+
+
 def _bent(curve: Any, begin: float, part: float, dt: float) -> F64:
-    """What nodes of an interval with a corner see such that their rule integrates it times polynomials."""
+    """Values at the nodes of an interval with a corner, with which their rule has its moments."""
     places = np.concatenate([part * NODES, part + (1 - part) * NODES])
     weights = np.concatenate([part * WEIGHTS, (1 - part) * WEIGHTS])
     size = 2 * np.arange(NODES.size) + 1

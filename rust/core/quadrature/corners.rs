@@ -5,7 +5,7 @@ use crate::math::ln_1;
 /// How many times what its neighbours leave open, and what the lower quartile of all samples does, a jump of the slope
 /// is at least: 8.8 and more where a command steps every four samples, at most 4 in noise and in rounded samples.
 const CLEAR: f64 = 8.0;
-/// The same between samples, where both sides have one sample less in common: at most 7 in noise.
+/// The same between samples, where both sides have one sample less in common: at most 6 in noise.
 const CLEARER: f64 = 12.0;
 /// How much less than a parabola a decay leaves open.
 const CERTAIN: f64 = 64.0;

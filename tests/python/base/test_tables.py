@@ -141,3 +141,5 @@ def test_tables_are_written_to_files(tmp_path):
         table.to_csv(tmp_path / "none" / "a.csv")
     with pytest.raises(SpecError, match=r"^Table.to_dict: it takes no arguments; write Table.to_dict\(\)"):
         table.to_dict("a.csv")
+    with pytest.raises(SpecError, match=r"Table.to_csv: the file is 3; give its name"):
+        table.to_csv(3)

@@ -173,3 +173,29 @@ def test_a_bent_gain_is_no_limit():
         rec = heated(seed, lambda c: c - 0.3 * c**3)
         text = warned(rec, mf.TransferFunction(poles=1, zeros=0))[1]
         assert "follow powers of u" in text
+
+
+def test_one_equation_behind_a_rate_limit_is_told():
+    """No regression tells of the terms that a single equation lacks: the fit ended in a TypeError."""
+    n, dt, steps = 600, 0.02, 10
+    command, position = np.zeros(n + 1), 0.0
+    for first, count, size in [
+        (50, 60, 1),
+        (110, 40, -1),
+        (150, 20, 1),
+        (170, 20, -1),
+        (400, 30, 1),
+        (430, 30, -1),
+    ]:
+        command[first : first + count] = size
+    x, y = np.zeros(2), np.zeros(n + 1)
+    for k in range(n):
+        for _ in range(steps):
+            h = dt / steps
+            x = x + h * np.array([x[1], -12 * x[0] - 2.2 * x[1] + 5 * position])
+            position += h * min(max((command[k] - position) / 1e-3, -4), 4)
+        y[k + 1] = x[0]
+    y += 0.002 * np.random.default_rng(0).standard_normal(n + 1)
+    rec = mf.Record(y=y, u=command, dt=dt, intersample="zoh")
+    text = warned(rec, mf.Equation("y'' + a1*y' + a2*y = b0*u"))[1]
+    assert "u does not reach the plant as recorded: it acts as if limited to 4" in text

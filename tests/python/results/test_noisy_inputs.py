@@ -128,3 +128,14 @@ def test_inputs_that_move_the_system_at_high_frequency_are_not_called_noisy(kind
         y = y + 0.05 * y.std() * lfilter([0.44], [1, -0.9], rng.standard_normal(n))
         rec = mf.Record(y=y, u=u, dt=dt, intersample=word)
         assert "errors-in-variables" not in fitted(rec, mf.TransferFunction(poles=2, zeros=0))[1]
+
+
+def test_noise_of_an_input_in_straight_lines_is_named():
+    for seed in range(3):
+        rng, n = np.random.default_rng(seed), 2000
+        knots = np.arange(0, n + 1, 40)
+        u = np.interp(np.arange(n + 1), knots, rng.normal(size=knots.size))
+        y = np.ravel(mf.tf([5], [1, 1.5, 8]).simulate(u=u, dt=0.05, intersample="foh"))
+        y = y + 0.002 * y.std() * rng.normal(size=n + 1)
+        rec = mf.Record(y=y, u=u + 0.02 * u.std() * rng.normal(size=n + 1), dt=0.05, intersample="foh")
+        assert SAID in fitted(rec, mf.TransferFunction(poles=2, zeros=0))[1]

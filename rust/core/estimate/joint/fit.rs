@@ -211,7 +211,7 @@ impl JointFitter {
             Colour::Given => None,
         };
         let third = regression.as_deref().map(JointStart::Theta);
-        for second in [second, third].into_iter().flatten() {
+        for start in [second, third].into_iter().flatten() {
             let mut other = self.single(&d, loaded);
             // Delays stand where that ended.
             other.w.iterates.theta.now.clone_from(&best.w.iterates.theta.now);
@@ -219,7 +219,7 @@ impl JointFitter {
             let near = (ended.status == Status::Ok).then_some(&found[..]);
             // The second has the steps of a trial to come lower; only then is it followed to its end.
             let few = self.few_steps();
-            let mut again = other.estimate(second, &few, near, &mut refresh)?;
+            let mut again = other.estimate(start, &few, near, &mut refresh)?;
             let lower = !again.near && other.criterion() < best.criterion();
             if again.status == Status::MaxIter && lower {
                 let theta: Vec<f64> = other.w.theta(&d, 0).collect();
@@ -249,7 +249,8 @@ impl JointFitter {
         ranges: &[Range],
     ) -> Result<Option<Vec<f64>>, Error> {
         let noise = NoiseModel { equation: true, colour: Colour::Given, ..self.o.noise.clone() };
-        let d = self.design(ranges, &loaded.scales, &noise, true)?;
+        // What it refuses is no failure of the fit that has an answer.
+        let Ok(d) = self.design(ranges, &loaded.scales, &noise, true) else { return Ok(None) };
         let mut delayed = self.delayed(records);
         let mut refresh =
             |w: &mut JointWorkspace| delays::refresh(self.isa, &d, w, &mut delayed, 1);
