@@ -354,10 +354,11 @@ def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Dou
 
     Where that leaves more than the noise of the high band, noise that drives the equations may explain more.
     """
-    # Terms, of which there are many, are for `check`, unless one equation is refuted.
-    few = sure_only and (len(fit.row_names) > 1 or not d.chi2_p < SURE)
+    # Terms, of which there are many, are for `check`, unless one equation is refuted, or fits take no search.
+    beyond, formulas = d.chi2_p < SURE, getattr(fit.layout, "formulas", None)  # of equations
+    at_once = formulas is not None and formulas.words["linear"] and not worth(fit)
+    few = sure_only and not (beyond and (at_once or len(fit.row_names) == 1))
     cure = likely_cure(fit) if few else of_written(fit)
-    beyond = d.chi2_p < SURE
     driving = beyond and not (cure and cure.level_p > ENOUGH)
     # A term that leaves the noise alone comes before noise that drives; regressions find it sooner than fits.
     if few and beyond and (worth(fit) or (driving and driven(fit))):

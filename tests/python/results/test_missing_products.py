@@ -1,9 +1,12 @@
 """What nonlinear equations lack is named: a product, a sine, a delay of an input that stands in products."""
 
+import warnings
+
 import modfun as mf
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
 
 PUSHED = "y'' + d*y' + a*sin(y) = g*u1 + h*u2"
 INPUT = "sin(0.7*t) + sin(1.3*t + 1) + 0.7*sin(2.1*t + 2)"
@@ -113,3 +116,38 @@ def test_terms_that_bend_alike_are_named_together():
             text = str(caught[0].message)
             assert ("hardly tells apart" in text) == (nsr == 0.1)
             assert "a term in y**3 (" in text or " or in y**3" in text or "or y**3" in text
+
+
+PREY = mf.Equation(["H' = a*H - b*H*L", "L' = -c*L + d*H*L"], outputs=["H", "L"])
+
+
+def _noisy(model, start, duration, noise):
+    """A free motion of two species with noise."""
+    rec = mf.simulate(model, duration=duration, intervals=300, initial_state=start)
+    return rec.assign(**{name: rec[name] + own for name, own in zip(("H", "L"), noise(rec), strict=True)})
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_several_equations_that_lack_saturation_are_refuted(seed):
+    """Residuals were 20 times the noise without a warning, in 5 of 5 records."""
+    model = mf.Equation(
+        ["H' = H*(1 - H/3) - 1.2*H*L/(1 + 0.9*H)", "L' = 0.7*H*L/(1 + 0.9*H) - 0.35*L"], outputs=["H", "L"]
+    ).model({})
+    white = np.random.default_rng(seed).standard_normal((2, 301))
+    rec = _noisy(
+        model, [1.0, 0.4], 60.0, lambda rec: 0.03 * np.sqrt(np.mean(rec.y**2, axis=1))[:, None] * white
+    )
+    with pytest.warns(mf.ModfunWarning, match="Part of the response is missing: the residuals are [12][0-9]"):
+        mf.fit(rec, PREY)
+
+
+def test_right_equations_in_slow_noise_are_not():
+    """AR(0.9) noise of 10 %: 0 of 30 others warned."""
+    model = PREY.model({"a": 1.0, "b": 0.5, "c": 0.8, "d": 0.4})
+    for seed in range(6):
+        white = np.random.default_rng(seed).standard_normal((2, 401))
+        slow = lfilter([np.sqrt(0.19)], [1, -0.9], white, axis=1)[:, 100:]
+        rec = _noisy(model, [2.0, 1.0], 20.0, lambda rec, e=slow: 0.1 * rec.y.std(axis=1, keepdims=True) * e)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", mf.ModfunWarning)
+            mf.fit(rec, PREY)
