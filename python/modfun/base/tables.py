@@ -164,7 +164,12 @@ class Table:
         return _written("to_csv", text.getvalue(), path)
 
     def to_markdown(self, path: str | PathLike[str] | None = None) -> str:
-        """Return the table as Markdown, numbers as they are printed; `path` as in `to_csv`.
+        """Return the table as Markdown, numbers as they are printed.
+
+        Parameters
+        ----------
+        path : str or path, optional
+            A file that the text is written to, too.
 
         Examples
         --------
@@ -181,7 +186,12 @@ class Table:
         return _written("to_markdown", "\n".join([rows[0], rule, *rows[1:]]), path)
 
     def to_latex(self, path: str | PathLike[str] | None = None) -> str:
-        r"""Return the table as a LaTeX tabular, numbers as they are printed; `path` as in `to_csv`.
+        r"""Return the table as a LaTeX tabular, numbers as they are printed.
+
+        Parameters
+        ----------
+        path : str or path, optional
+            A file that the text is written to, too.
 
         Examples
         --------

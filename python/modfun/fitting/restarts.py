@@ -14,7 +14,7 @@ from ..records.record import Record
 from ..results.diagnosis import level_ratio
 from .scales import sizes
 
-__all__ = ["restarted", "settled_within"]
+__all__ = ["compared", "restarted", "settled_within"]
 
 FACTOR = 10.0  # of a size either way
 SMALLER = 5.0  # than its size: what a signal is compared with, as a half-saturation
@@ -39,7 +39,7 @@ def restarted(
     if words["linear"]:
         return None  # linear ones begin at their minimum
     own = words["bounds"]
-    inside = {k for _, k, _ in words["signal_slopes"]} | _compared(layout.compiled)
+    inside = {k for _, k, _ in words["signal_slopes"]} | compared(layout.compiled)
     asked = sizes(structure, layout.param_names, records).tolist()
     for starts, box in _boxes(asked, words["starts"], own, inside):
         for learn in (True, False) if learns else (True,):
@@ -55,7 +55,7 @@ def restarted(
     return None
 
 
-def _compared(compiled: Any) -> set[int]:
+def compared(compiled: Any) -> set[int]:
     """Parameters that the user's equations add to signals in denominators, wherever the compiler put them."""
     import sympy
 

@@ -13,6 +13,7 @@ from ..base.arrays import F64
 from ..errors import DataError
 from ..results.estimates import COVARIANCES
 from ..results.of_equations import EquationFit
+from .restarts import compared
 
 __all__ = ["as_written", "positive", "signed", "signs_open"]
 
@@ -45,14 +46,14 @@ def positive(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
 
 
 def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
-    """The fit with positive parameters, where it explains the records about as well as one with others.
+    """The fit of saturating terms with positive parameters, where it explains the records about as well.
 
     Of x' = a + V*x**2/(K**2 + x**2) - d*x the curve of V and d below 0 looks like that of both above over the
     range of many records, and noise chooses. The signs that users write before parameters are then likelier;
     where they told a start or a lower bound, they have told more.
     """
     words: Any = fit.layout.formulas.words
-    if words["linear"] or not fit.usable:
+    if words["linear"] or not fit.usable or not compared(fit.layout.compiled):
         return fit
     free = [
         start is None and low == -inf and high > 0
@@ -63,7 +64,10 @@ def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> Equation
     within = tuple(
         (0.0 if is_free else low, high) for is_free, (low, high) in zip(free, words["bounds"], strict=True)
     )
-    found = sought([None] * fit.params.size, within)
+    try:
+        found = sought([None] * fit.params.size, within)
+    except DataError:  # a band with fewer equations than unknowns
+        return fit
     settled = found.success and not found.at_bound and found.lines == fit.lines
     if not settled or not found.bic < fit.bic + CLOSE:
         return fit

@@ -19,6 +19,7 @@ from ..models.options import Options
 from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..systems.frequency_response import FrequencyResponse
+from .estimates import COVARIANCES
 from .fit import Fit
 from .of_equations import EquationFit
 from .of_gains import ResponseFit
@@ -98,9 +99,7 @@ def _fit_of(values: dict[str, Any]) -> Fit:
 def _sound(fit: Fit) -> Fit:
     """The fit, if its numbers have the shapes of its parameters."""
     count = len(fit.param_names)
-    for name, shape in (
-        ("params", (count,)), ("cov_nonrobust", (count,) * 2), ("cov_hc3", (count,) * 2)
-    ):  # fmt: skip
+    for name, shape in (("params", (count,)), *((name, (count, count)) for name in COVARIANCES)):
         if getattr(fit, name).shape != shape:
             raise ValueError(f"{name} has shape {getattr(fit, name).shape}, not {shape}")
     if fit.status not in STATUS:

@@ -88,20 +88,23 @@ pub fn corners_between(samples: &[f64]) -> Vec<usize> {
     if samples.len() < 2 * SIDE + 2 {
         return Vec::new();
     }
-    let steps: Vec<f64> = samples.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let step = |k: usize| samples[k + 1] - samples[k];
     let (low, high) = samples
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
     let rounding = LEAST * (high - low);
     let (mut candidates, mut left) = (Vec::new(), Vec::new());
-    for k in SIDE..steps.len() - SIDE {
+    for k in SIDE..samples.len() - 1 - SIDE {
         // What decays as time goes on grows as it goes back.
-        let (rising, falling) = (steps[k + 2] / steps[k + 1], steps[k - 1] / steps[k - 2]);
-        let (after, open_after) = led([steps[k + 1], steps[k + 2], steps[k + 3]], rising);
-        let (before, open_before) = led([steps[k - 1], steps[k - 2], steps[k - 3]], falling);
+        let (ahead, behind) =
+            ([step(k + 1), step(k + 2), step(k + 3)], [step(k - 1), step(k - 2), step(k - 3)]);
+        let (after, open_after) = led(ahead, ahead[1] / ahead[0]);
+        let (before, open_before) = led(behind, behind[0] / behind[1]);
         let open = open_after + open_before;
-        left.push(open);
-        let (early, late) = (steps[k] - after, steps[k] - before);
+        if (k - SIDE).is_multiple_of(1 + samples.len() / MANY) {
+            left.push(open);
+        }
+        let (early, late) = (step(k) - after, step(k) - before);
         let size = (late - early).abs();
         if (early < 0.0) != (late < 0.0) && size > CLEARER * open + rounding {
             candidates.push((k, size, open));
@@ -112,7 +115,7 @@ pub fn corners_between(samples: &[f64]) -> Vec<usize> {
     }
     let quarter = left.len() / 4;
     let background = *left.select_nth_unstable_by(quarter, f64::total_cmp).1;
-    let moves = steps.iter().map(|step| step.abs()).filter(|size| *size > rounding);
+    let moves = (0..samples.len() - 1).map(|k| step(k).abs()).filter(|size| *size > rounding);
     let least = background.max(moves.fold(f64::INFINITY, f64::min));
     candidates.retain(|(_, size, open)| *size > CLEARER * (open + least));
     candidates.into_iter().map(|(k, ..)| k).collect()

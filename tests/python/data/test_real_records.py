@@ -155,7 +155,7 @@ def test_supersonic_transport_measured_column_has_coloured_noise():
     """Column z: noise with a lag-1 correlation of .93 and the system's own resonance."""
     path = measured("sst_pitch_tf_delay/sst_pitch.csv")
     rec = mf.read(path, time="t_s", outputs=["z_q_dps"], inputs=["u_stick_cm"], intersample="foh")
-    with pytest.warns(mf.ModfunWarning, match='First try that input, or noise="process"'):
+    with pytest.warns(mf.ModfunWarning, match='First try that input, or noise="coloured", band='):
         fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=1, delay=0.2), band=6.0)
     assert "classical ones do not" in fit.check()
 

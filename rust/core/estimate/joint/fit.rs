@@ -15,6 +15,10 @@ use crate::estimate::record_levels::{misfits, settle};
 use crate::estimate::wider::Candidate;
 use crate::estimate::window::Spectra;
 
+/// By how much of itself the criterion from the start by regression has to be lower: rounds of colour and parameters end
+/// before their last digits.
+const LOWER: f64 = 1e-3;
+
 /// A finished joint fit.
 #[derive(Debug, Clone)]
 pub struct JointFit {
@@ -211,7 +215,8 @@ impl JointFitter {
             Colour::Given => None,
         };
         let third = regression.as_deref().map(JointStart::Theta);
-        for start in [second, third].into_iter().flatten() {
+        for (start, by) in [(second, SAME), (third, LOWER)] {
+            let Some(start) = start else { continue };
             let mut other = self.single(&d, loaded);
             // Delays stand where that ended.
             other.w.iterates.theta.now.clone_from(&best.w.iterates.theta.now);
@@ -231,7 +236,7 @@ impl JointFitter {
                 _ => f64::INFINITY,
             };
             let least = match cost(&best, &ended) {
-                found if found.is_finite() => found - SAME * found.abs(),
+                found if found.is_finite() => found - by * found.abs(),
                 none => none,
             };
             if !again.near && cost(&other, &again) < least {
