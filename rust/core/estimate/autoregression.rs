@@ -100,7 +100,8 @@ mod tests {
     fn an_autoregression_is_found_from_its_covariances() {
         // x_t = .9 x_{t−1} − .2 x_{t−2} + e: ρ1 = .9/1.2, ρ_k = .9 ρ_{k−1} − .2 ρ_{k−2}.
         let mut rho = [0.0; MOST + 1];
-        for k in 2..5 {
+        rho[..2].copy_from_slice(&[1.0, 0.75]);
+        for k in 2..=MOST {
             rho[k] = 0.9 * rho[k - 1] - 0.2 * rho[k - 2];
         }
         let own = Autocovariance(rho).fitted(1000, None);
@@ -113,7 +114,8 @@ mod tests {
 
     #[test]
     fn white_noise_has_no_colour() {
-        let white = Autocovariance([2.0, 0.01, -0.02, 0.0, 0.01]);
+        let mut white = Autocovariance::default();
+        white.0[..5].copy_from_slice(&[2.0, 0.01, -0.02, 0.0, 0.01]);
         assert_eq!(white.fitted(100, None).order, 0);
     }
 
