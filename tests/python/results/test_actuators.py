@@ -52,7 +52,7 @@ def sticking(c):
 
 def cured(rec, text, structure):
     """The fit of the record that a message makes."""
-    line = text.split("without one, try ")[1].split(". Standard errors")[0].removesuffix(".")
+    line = text.split("without one, try ")[1].split(". The standard errors")[0].removesuffix(".")
     made = eval(line.split(" with ")[0], {"np": np, "itertools": itertools, "rec": rec})
     if word := re.search(r"intersample='(\w+)'", line):
         made = mf.Record(y={y: made[y] for y in made.outputs}, u={u: made[u] for u in made.inputs},
