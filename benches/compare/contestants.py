@@ -82,7 +82,8 @@ def fits() -> dict[str, Contestant]:
 
     def many(size):
         noise = np.random.default_rng(1).standard_normal((size, 1, s.SAMPLES))
-        batch = mf.Batch(y=s.Y + s.SIGMA * noise, u=s.U[None], dt=s.DURATION / s.INTERVALS)
+        step = s.DURATION / s.INTERVALS
+        batch = mf.Batch(y=s.Y + s.SIGMA * noise, u=s.U[None], dt=step, intersample="smooth")
 
         def run(count):
             for _ in range(count // size):

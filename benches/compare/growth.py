@@ -62,7 +62,8 @@ def contestants(setting: Setting) -> dict[str, Contestant]:
     size = min(512, max(64, 2**22 // setting.intervals))
     noise = np.random.default_rng(1).standard_normal((size, 1, setting.intervals + 1))
     y = rec.y + NSR * np.sqrt(np.mean(rec.y**2)) * noise
-    batch, one = mf.Batch(y=y, u=rec.u, dt=rec.dt), mf.Record(y=y[0], u=rec.u, dt=rec.dt)
+    words = {"u": rec.u, "dt": rec.dt, "intersample": "smooth"}
+    batch, one = mf.Batch(y=y, **words), mf.Record(y=y[0], **words)
     structure = mf.TransferFunction(poles=setting.order, zeros=0)
     found = {}
     for method in METHODS:

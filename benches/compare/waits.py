@@ -75,7 +75,10 @@ def calls(scratch: Path) -> dict[str, Callable[[], object]]:
     live.push(y=rec.y, u=rec.u)
     y, u = float(rec.y[0, -1]), float(rec.u[0, -1])
     noise = NSR * np.sqrt(np.mean(rec.y**2)) * np.random.default_rng(1).standard_normal((10_000, 1, SAMPLES))
-    batches = {size: mf.Batch(y=rec.y + noise[:size], u=rec.u, dt=rec.dt) for size in (10, 10_000)}
+    batches = {
+        size: mf.Batch(y=rec.y + noise[:size], u=rec.u, dt=rec.dt, intersample="smooth")
+        for size in (10, 10_000)
+    }
     alone = {"threads": 1, "progress": False}
 
     def estimate() -> object:

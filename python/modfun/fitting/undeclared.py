@@ -131,6 +131,8 @@ def read_alike(data: Any, structure: Any, options: Options, fit_once: FitOnce) -
     """
     count = FEW if isinstance(structure, TransferFunction) else 1  # fits of equations take long
     if isinstance(data, Batch):
+        if data._declared:
+            return data, ()
         alike = agreed(list(islice(data._finite(), count)), alike=True)
         words = decided_by_fit([(rec,) for rec in alike], structure, options, fit_once, many=True)
         return data._read_as({name: word for (name, _), (word, _) in words.items()}), in_sentences(words)

@@ -153,6 +153,11 @@ class Batch:
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore_batch, (self.y, self.u, self.dt, self.outputs, self.inputs, self._told)
 
+    @property
+    def _declared(self) -> bool:
+        """Whether the user said how each input goes between samples."""
+        return "auto" not in self._told
+
     def __len__(self) -> int:
         """Return the number of replicates."""
         return int(self.y.shape[0])
