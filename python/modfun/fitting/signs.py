@@ -11,6 +11,7 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import DataError
+from ..results.cures import CLOSE
 from ..results.estimates import COVARIANCES
 from ..results.of_equations import EquationFit
 from .restarts import compared
@@ -18,7 +19,6 @@ from .restarts import compared
 __all__ = ["as_written", "positive", "signed", "signs_open"]
 
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
-CLOSE = 6.0  # differences of BIC short of strong evidence
 MIRRORED = 1e-3  # relative difference of costs within which searches end at the same minimum
 
 

@@ -14,7 +14,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.steady import QUIET, standing
 from .actuators import limited_input, unlike_command
 from .band_end import beyond
-from .coloured_load import coloured_load
+from .coloured_load import coloured_load, in_coloured_noise
 from .cures import DRIFT, ENOUGH, again, best_cure, convincing, furthest
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
@@ -76,7 +76,7 @@ from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
 from .unrecorded_inputs import unforced, unrecorded_input
-from .unseen_events import unseen_event
+from .unseen_events import settles_otherwise, unseen_event
 
 __all__ = ["check", "is_quick", "warnings_of"]
 
@@ -327,8 +327,7 @@ def _structural(fit: Estimates, drift: Estimates) -> bool:
     layout: Any = fit.layout
     if len(layout.free_delays) > 1:  # each cure is a search
         return False
-    cures = [best_cure(fit, i, u) for i in range(len(fit.outputs)) for u in fit.inputs]
-    return any(cure is not None and cure.words != DRIFT and cure.level_p > ENOUGH for cure in cures)
+    return settles_otherwise(fit)
 
 
 def _weighted(fit: Estimates) -> tuple[Estimates, str] | None:
@@ -336,18 +335,18 @@ def _weighted(fit: Estimates) -> tuple[Estimates, str] | None:
 
     The default band is chosen by white noise: where that is strong, steep noise needs more lines.
     """
-    options, words = fit.options.replace(noise="coloured", output_weights=None), 'noise="coloured"'
+    other, words = in_coloured_noise(fit), 'noise="coloured"'
     top = min([2 * np.pi / (FEWEST * rec.dt) for rec in fit.records or () if rec.dt], default=0.0)
     low, edge = fit.band
-    while True:
-        other = again(fit, fit.records or (), fit.structure, options)
-        if other is not None and other.success and not warnings_of(other):
-            return other, words
+    while other is None or not other.success or warnings_of(other):
         edge = float(f"{2 * edge:.3g}")
         if fit.options.band is not None or fit.options.harmonics is not None or edge > top:
             return None
         band = (float(f"{low:.3g}"), edge)
-        options, words = options.replace(band=band), f'noise="coloured", band=({band[0]:g}, {band[1]:g})'
+        options = fit.options.replace(noise="coloured", output_weights=None, band=band)
+        other = again(fit, fit.records or (), fit.structure, options)
+        words = f'noise="coloured", band=({band[0]:g}, {band[1]:g})'
+    return other, words
 
 
 def not_from_zero(fit: Estimates) -> Doubt | None:

@@ -10,7 +10,7 @@ from .diagnosis import growth, worst_colour
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 
-__all__ = ["coloured_load", "other_drive"]
+__all__ = ["coloured_load", "in_coloured_noise", "other_drive"]
 
 UNEVEN = 0.05  # distance of the cumulated power of the lines from a straight line, which moves estimates
 STILL = 1e-3  # of the lowest frequency: growth of a pole that may as well be an integrator
@@ -82,6 +82,14 @@ def other_drive(fit: Estimates) -> str:
     return f', or noise="coloured", band=({low:.4g}, {high:.4g})' if steady else ""
 
 
+@kept
+def in_coloured_noise(fit: Estimates) -> Estimates | None:
+    """The fit in coloured noise, on the band that its options lead to."""
+    options = fit.options.replace(noise="coloured", output_weights=None)
+    return again(fit, fit.records or (), fit.structure, options)
+
+
+@kept
 def _weighted(fit: Estimates) -> Estimates | None:
     """The fit in coloured noise on the same band; None where it does not settle."""
     other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(noise="coloured"))

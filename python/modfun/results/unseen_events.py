@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from ..base.cached import kept
 from ..models.transfer_function import TransferFunction
-from .coloured_load import MOST_PATHS
-from .cures import DRIFT, ENOUGH, again, best_cure
+from .coloured_load import MOST_PATHS, in_coloured_noise
+from .cures import DRIFT, ENOUGH, best_cure
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, clipped, joined, noise_free
 from .estimates import Estimates
 from .further import event
 from .misfit import UNLIKELY, refuted, suspicious
 
-__all__ = ["unseen_event"]
+__all__ = ["settles_otherwise", "unseen_event"]
 
 EDGE = 0.05  # of a record
 
@@ -35,10 +35,9 @@ def unseen_event(fit: Estimates) -> Doubt | None:
         one.what in ("event", "spike") and one.p_value < UNLIKELY for one in diagnose(fit, UNLIKELY).further
     ):
         return None  # is told already
-    options = fit.options.replace(noise="coloured", output_weights=None)
-    other = again(fit, fit.records, fit.structure, options)
+    other = in_coloured_noise(fit)
     found = event(other) if other is not None and other.success else None
-    if found is None or not found.p_value < SURE or not _inside(fit, found.time) or _structural(fit):
+    if found is None or not found.p_value < SURE or not _inside(fit, found.time) or settles_otherwise(fit):
         return None
     return Doubt(
         f"From about t = {found.time:.6g} s on something acts on {found.channel} that is not in the model, "
@@ -57,7 +56,7 @@ def _inside(fit: Estimates, time: float) -> bool:
     return True
 
 
-def _structural(fit: Estimates) -> bool:
+def settles_otherwise(fit: Estimates) -> bool:
     """Whether another structure leaves noise: after a single step of an input what is missing is an event."""
     cures = [best_cure(fit, i, u) for i in range(len(fit.outputs)) for u in fit.inputs]
     return any(cure is not None and cure.words != DRIFT and cure.level_p > ENOUGH for cure in cures)
