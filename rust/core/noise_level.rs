@@ -14,8 +14,8 @@ const PIECE: usize = 1 << 15;
 ///
 /// σ̂² is the mean of |Δ^q V(m)|² over m = N/4…N/2−q, q = `order` + 2, over its value at unit noise,
 /// C(2q, q) Σw²/N². N/4 is rounded up, or down where too few lines are left otherwise. The difference Δ^q removes
-/// what the ends of the record leak into the upper harmonics, which is smooth in m. A record of more than 2¹⁶ intervals is cut into pieces of 2¹⁵, whose σ̂² are
-/// averaged. Right only where the signal is empty there and the noise white: filtered records show less
+/// what the ends of the record leak into the upper harmonics, which is smooth in m. A record of more than 2¹⁶ intervals
+/// is cut into pieces of 2¹⁵, whose σ̂² are averaged. Right only where the signal is empty there and the noise white: filtered records show less
 /// than they carry.
 ///
 /// # Errors

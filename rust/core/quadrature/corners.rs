@@ -28,15 +28,8 @@ pub fn corners(samples: &[f64]) -> Vec<(usize, f64)> {
     if samples.len() < 2 * SIDE + 1 {
         return Vec::new();
     }
-    let (low, high) = samples
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
     let step = |k: usize| samples[k + 1] - samples[k];
-    let rounding = LEAST * (high - low);
-    let quantum = (0..samples.len() - 1)
-        .map(|k| step(k).abs())
-        .filter(|d| *d > rounding)
-        .fold(f64::INFINITY, f64::min);
+    let rounding = rounding(samples);
     let jump = |k: usize| {
         let (after, before) =
             ([step(k), step(k + 1), step(k + 2)], [step(k - 1), step(k - 2), step(k - 3)]);
@@ -58,9 +51,7 @@ pub fn corners(samples: &[f64]) -> Vec<(usize, f64)> {
             candidates.push((k, jump, open));
         }
     }
-    let quarter = left.len() / 4;
-    let background = *left.select_nth_unstable_by(quarter, f64::total_cmp).1;
-    let least = rounding.max(CLEAR * quantum.max(background));
+    let least = rounding.max(CLEAR * background(samples, rounding, &mut left));
     let mut found: Vec<(usize, f64)> = Vec::new();
     for (k, jump, open) in candidates {
         if jump.abs() <= CLEAR * open + least {
@@ -89,10 +80,7 @@ pub fn corners_between(samples: &[f64]) -> Vec<usize> {
         return Vec::new();
     }
     let step = |k: usize| samples[k + 1] - samples[k];
-    let (low, high) = samples
-        .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
-    let rounding = LEAST * (high - low);
+    let rounding = rounding(samples);
     let (mut candidates, mut left) = (Vec::new(), Vec::new());
     for k in SIDE..samples.len() - 1 - SIDE {
         // What decays as time goes on grows as it goes back.
@@ -113,12 +101,26 @@ pub fn corners_between(samples: &[f64]) -> Vec<usize> {
     if candidates.is_empty() {
         return Vec::new();
     }
-    let quarter = left.len() / 4;
-    let background = *left.select_nth_unstable_by(quarter, f64::total_cmp).1;
-    let moves = (0..samples.len() - 1).map(|k| step(k).abs()).filter(|size| *size > rounding);
-    let least = background.max(moves.fold(f64::INFINITY, f64::min));
+    let least = background(samples, rounding, &mut left);
     candidates.retain(|(_, size, open)| *size > CLEARER * (open + least));
     candidates.into_iter().map(|(k, ..)| k).collect()
+}
+
+/// The least change of a signal over a sample that is no rounding.
+fn rounding(samples: &[f64]) -> f64 {
+    let (low, high) = samples
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+    LEAST * (high - low)
+}
+
+/// What corners have to stand out from everywhere: the smallest difference, as rounded samples have it, and the lower
+/// quartile of what is left open.
+fn background(samples: &[f64], rounding: f64, left: &mut [f64]) -> f64 {
+    let differences = samples.windows(2).map(|pair| (pair[1] - pair[0]).abs());
+    let quantum = differences.filter(|d| *d > rounding).fold(f64::INFINITY, f64::min);
+    let quarter = left.len() / 4;
+    quantum.max(*left.select_nth_unstable_by(quarter, f64::total_cmp).1)
 }
 
 /// The step next to three differences, nearest first, and what it leaves open: of a cubic, or of a signal that decays
