@@ -328,7 +328,7 @@ class _Reader:
         called = name in FUNCTIONS or (name == "D" and self.names is None)
         primes = self.primes()
         if self.token != "(":
-            if called:
+            if called and name != "D":  # alone D is a parameter, as the dilution rate of a reactor
                 self.source.refuse(at, self.last, f"is a function: write {name}(...)")
             if self.names is not None and name not in (*self.names, *CONSTANTS):
                 self.source.refuse(at, self.last, "is not a known name")
