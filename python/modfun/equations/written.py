@@ -34,7 +34,7 @@ __all__ = [
 ]
 
 
-RESERVED = ("t", "D", *CONSTANTS, *FUNCTIONS)
+RESERVED = ("t", *CONSTANTS, *FUNCTIONS)
 
 
 class Explanation:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64
+from ..base.progress import Progress
 from ..equations.layout import EquationLayout
 from ..errors import ModfunError
 from ..models.layout import Layout
@@ -64,17 +65,21 @@ class Changes:
     alone: Alone
     layout: Layout | EquationLayout
     intervals: int
+    progress: str | bool = "auto"
 
     def __call__(self, many: FitMany) -> tuple[NDArray[np.bool_], F64]:
         """Which records have such noise, (replicate,), and the standard errors of all, (replicate, p)."""
         bse, changing = many.bse_even.copy(), np.zeros(len(many), bool)
-        for r in np.flatnonzero(self._suspects(many)).tolist():
-            try:
-                fit = self.alone(r)
-            except ModfunError:  # what a single fit refuses, such as an input that hardly moves
-                continue
-            if fit.changing:
-                changing[r], bse[r] = True, fit.bse
+        suspects = np.flatnonzero(self._suspects(many)).tolist()
+        with Progress(self.progress, "standard errors where noise changes", "records") as bar:
+            for done, r in enumerate(suspects):
+                bar(done, len(suspects))
+                try:
+                    fit = self.alone(r)
+                except ModfunError:  # what a single fit refuses, such as an input that hardly moves
+                    continue
+                if fit.changing:
+                    changing[r], bse[r] = True, fit.bse
         return changing, bse
 
     def _suspects(self, many: FitMany) -> NDArray[np.bool_]:

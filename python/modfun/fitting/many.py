@@ -74,7 +74,7 @@ def fit_batch(
     alone = Alone(data, structure, options, found["lines"][0], found["omega0"][0], fit_one)
     look = None
     if may_change(made.layout, options, made.intervals[0]):
-        look = Changes(alone, made.layout, made.intervals[0])
+        look = Changes(alone, made.layout, made.intervals[0], progress)
     return FitMany.of_core(found, made.layout, structure, options, alone, look, notes)
 
 

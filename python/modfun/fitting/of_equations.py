@@ -21,13 +21,14 @@ from ..records.batches import Batch
 from ..records.corners import driving
 from ..records.forms import forms_of
 from ..records.record import Record
+from ..results.diagnosis import level_ratio
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
 from .delay_starts import delay_starts
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
-from .restarts import restarted, settled_within
+from .restarts import AWAY, restarted, settled_within
 from .signs import as_written, positive
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
@@ -170,8 +171,14 @@ def fit_equation(
     if within is not None and not (fit.success and not fit.at_bound):
         fit = sought(None)
     told = layout.formulas.words["starts"]
-    if fit.success or starts is not None:
-        return fit if starts is not None else as_written(positive(fit, sought_from), sought_from)
+    learns = options.noise in ("output", "coloured") and len(layout.outputs) > 1
+    if starts is not None:
+        return fit
+    if fit.success:
+        found = as_written(positive(fit, sought_from), sought_from)
+        # Far above the noise it may be a false minimum: Hill terms had such in one of four records.
+        lost = again is not None and level_ratio(found) > AWAY and not any(told)
+        return (restarted(sought_from, structure, layout, records, learns) or found) if lost else found
     if any([start is not None for start in told]):
         # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.
         signed = tuple(
@@ -181,7 +188,6 @@ def fit_equation(
         other = sought_from([None] * len(told), signed)
         if settled_within(other, layout):
             return other
-    learns = options.noise in ("output", "coloured") and len(layout.outputs) > 1
     return restarted(sought_from, structure, layout, records, learns) or fit
 
 

@@ -14,7 +14,7 @@ from ..records.record import Record
 from ..results.diagnosis import level_ratio
 from .scales import sizes
 
-__all__ = ["compared", "restarted", "settled_within"]
+__all__ = ["AWAY", "compared", "restarted", "settled_within"]
 
 FACTOR = 10.0  # of a size either way
 SMALLER = 5.0  # than its size: what a signal is compared with, as a half-saturation

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -26,15 +27,17 @@ from .wider import equations_on_enough_lines
 __all__ = ["fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
 
 
-def fit_quietly(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
-    """One fit without its warnings."""
+def fit_quietly(
+    records: tuple[Record, ...], structure: Any, options: Options, starts: Sequence[float] | None = None
+) -> Fit:
+    """One fit without its warnings; `starts`: where the search of an equation's parameters begins."""
     refuse_uneven(records)
     if options.reference:
         return referenced_fit(records, structure, options, fit_quietly)
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
-        few = fit_equation(records, structure, options, fit_quietly)
+        few = fit_equation(records, structure, options, fit_quietly, starts=starts)
         enough = equations_on_enough_lines(equations_on_fewer_lines(few, fit_equation), fit_equation)
         made = signed(equations_closely(enough, fit_equation))
         made = by_samples(made)

@@ -62,6 +62,7 @@ from .noisy_inputs import noisy_input
 from .offsets import is_all, mean, offset
 from .origin import LEAST_GAIN, origin, smaller_errors
 from .powers import not_linear
+from .refits import lengthy
 from .runaway import runaway
 from .slow_inputs import slow_input
 from .sparse import sparse
@@ -87,7 +88,6 @@ STANDS = (
     "noise does and about as slowly as the system answers; keep it"
 )
 SLOW, MANY = 2.0, 16  # residual lines of the lower half of the band over those of the upper, of so many
-LONG = 2000  # operations per sample, of formulas that take seconds to fit
 FEWEST = 4  # samples per period where bands for such weights end
 PAYS = 3.0  # standard errors without their spectrum over those with it
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
@@ -416,8 +416,7 @@ def is_quick(fit: Estimates) -> bool:
     layout: Any = fit.layout
     if layout.rational:
         return True
-    words = layout.formulas.words
-    return all(late is None for _, _, late in words["signals"]) and len(words["formulas"][0]) < LONG
+    return all(late is None for _, _, late in layout.formulas.words["signals"]) and not lengthy(fit)
 
 
 def check(fit: Estimates, line: str) -> Findings:

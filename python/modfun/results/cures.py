@@ -21,6 +21,7 @@ from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
 from .neighbours import EXTRA, LEVER, absurd, integrals, neighbours
+from .refits import lengthy, starts_beside
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
@@ -122,6 +123,8 @@ def of_written(fit: Estimates) -> Cure | None:
     # A regression may say that a term explains more than what seems to leave the noise alone.
     expected = max((fall for key, fall in worth(fit).items() if key[0] == "term"), default=0.0)
     if found and found.level_p > ENOUGH and not found.before - expected < found.after - WORTH:
+        return found
+    if lengthy(fit) and level_p(fit) > ENOUGH:  # nothing contradicts the equations
         return found
     term = _missing_term(fit)
     if term and not (found and term.after >= found.after - CLOSE):
@@ -428,9 +431,8 @@ def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Est
 
 def again_at_all(fit: Estimates, records: Any, structure: Any, options: Options) -> Estimates | None:
     """The same, also without an answer; None where it is refused."""
-    assert fit.again is not None
     try:
-        return fit.again(records, structure, options)  # type: ignore[no-any-return]
+        return fit.again(records, structure, options, **starts_beside(fit, structure))  # type: ignore[no-any-return]
     except ModfunError:  # too many unknowns for the band, say
         return None
 

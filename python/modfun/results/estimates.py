@@ -90,7 +90,7 @@ class Estimates(Elsewhere):
     tail: float = inf
     instrumented: tuple[Record, ...] | None = None
     with_past: tuple[Record, ...] | None = None
-    again: Callable[[tuple[Record, ...], Any, Options], Any] | None = None
+    again: Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "params", Named(self.params, self.param_names))

@@ -342,3 +342,10 @@ def test_derivatives_in_another_spelling_are_refused_at_once(text, cure):
     with pytest.raises(mf.SpecError) as caught:
         mf.Equation(text)
     assert cure in str(caught.value)
+
+
+def test_d_alone_is_a_name() -> None:
+    rate = mf.Equation("s' = D*(10 - s) - q*s", outputs=["s"])
+    assert rate.param_names() == ("D", "q")
+    with pytest.raises(mf.SpecError, match="a whole number from 0 to 12"):
+        mf.Equation("s' = D(10, a) - q*s", outputs=["s"])

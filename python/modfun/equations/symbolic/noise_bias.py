@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 import sympy
 
 __all__ = ["unbiased"]
 
+KEPT = 256  # signals
 _MOST_TERMS = 16
 # Operations of a correction of second order. Beyond, as in Hill terms with a free exponent, its slopes make
 # formulas six times as long; without it estimates at 20 % noise differ by less than 0.05 standard errors.
-_LONGEST = 180
+_LONGEST = 120
 
 
 def unbiased(
@@ -33,13 +36,20 @@ def unbiased(
     variances : mapping from channel symbol to the symbol of its noise variance
     covariances : mapping from two channel symbols to the symbol of their noise's covariance
     """
+    return _unbiased(expr, tuple(variances.items()), tuple(covariances.items()))
+
+
+@lru_cache(KEPT)
+def _unbiased(expr: sympy.Expr, variances: tuple[Any, ...], covariances: tuple[Any, ...]) -> sympy.Expr:
+    """The same; equations with one term more have the signals of the others."""
+    alone, together = dict(variances), dict(covariances)
     found = sympy.expand(expr) if expr.is_Add or expr.is_Mul or expr.is_Pow else expr
     near, far = list[sympy.Expr](), list[sympy.Expr]()
     for term in sympy.Add.make_args(found):
-        (far if _fractional(term, variances) else near).append(term)
+        (far if _fractional(term, alone) else near).append(term)
     return sympy.Add(
-        _exact(sympy.Add(*near), variances, covariances),
-        *(_to_second_order(term, variances, covariances) for term in far),
+        _exact(sympy.Add(*near), alone, together),
+        *(_to_second_order(term, alone, together) for term in far),
     )
 
 

@@ -1,0 +1,40 @@
+"""Where fits of equations like a fitted one begin, and whether they take long."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ..equations.equation import Equation
+from ..models.free import Free
+from .estimates import Estimates
+from .neighbours import EXTRA
+
+__all__ = ["lengthy", "starts_beside"]
+
+LENGTHY = 1000  # operations per sample, of formulas that take half a second to fit
+
+
+def lengthy(fit: Estimates) -> bool:
+    """Whether fits of equations like the fit's take so long that dozens are made only where one is missed."""
+    formulas = getattr(fit.layout, "formulas", None)  # of equations
+    return formulas is not None and len(formulas.words["formulas"][0]) > LENGTHY
+
+
+def starts_beside(fit: Estimates, structure: Any) -> dict[str, list[float]]:
+    """The estimates as `starts` of equations that need a search; none of a delay, whose minima are many.
+
+    A search from afar took up to a hundred times as long, for each of some thirty terms.
+    """
+    formulas = getattr(fit.layout, "formulas", None)
+    if formulas is None or formulas.words["linear"] or not isinstance(structure, Equation):
+        return {}
+    if any([f"(t - {EXTRA})" in text for text in structure.texts]):
+        return {}
+    own, told = dict(zip(fit.param_names, fit.params.tolist(), strict=True)), dict(structure.params)
+    names = structure.param_names(fit.inputs, fit.outputs)
+    return {"starts": [own.get(name, _first(told.get(name))) for name in names]}
+
+
+def _first(told: Any) -> float:
+    """Where the search of a parameter begins that the fit has not: at its start, or as near 0 as may be."""
+    return min(max(told.start or 0.0, told.min), told.max) if isinstance(told, Free) else 0.0
