@@ -106,8 +106,7 @@ def likely_cure(fit: Estimates) -> Cure | None:
     before = bic_beside(fit, fit)
     drifts = fit.trend == "constant" and worth(fit).get(("drift",), inf) > CLOSE
     found = with_drift(fit) if drifts else None
-    if found is not None and not found.after < before - WORTH:
-        found = None
+    found = found if found and found.after < before - WORTH else None
     moved = realigned(fit)
     if moved is not None and moved.after < (found.after - CLOSE if found else before - WORTH):
         found = moved
@@ -431,8 +430,9 @@ def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Est
 
 def again_at_all(fit: Estimates, records: Any, structure: Any, options: Options) -> Estimates | None:
     """The same, also without an answer; None where it is refused."""
+    made: Any = fit.again
     try:
-        return fit.again(records, structure, options, **starts_beside(fit, structure))  # type: ignore[no-any-return]
+        return made(records, structure, options, **starts_beside(fit, structure))  # type: ignore[no-any-return]
     except ModfunError:  # too many unknowns for the band, say
         return None
 

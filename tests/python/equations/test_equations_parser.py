@@ -348,4 +348,4 @@ def test_d_alone_is_a_name() -> None:
     rate = mf.Equation("s' = D*(10 - s) - q*s", outputs=["s"])
     assert rate.param_names() == ("D", "q")
     with pytest.raises(mf.SpecError, match="a whole number from 0 to 12"):
-        mf.Equation("s' = D(10, a) - q*s", outputs=["s"])
+        mf.Equation("s' = D(s, a) - q*s", outputs=["s"]).param_names()
