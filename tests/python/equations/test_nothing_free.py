@@ -30,7 +30,9 @@ def test_nothing_free_is_a_fit_that_can_be_checked(model):
     "model",
     [
         mf.Equation("y'' + a*y' + b*y = c*u", params={"a": 2, "b": 6, "c": 4}),
-        mf.StateSpace([[0, 1], ["-b", "-a"]], [0, "c"], [1, 0], params={"a": 2, "b": 6, "c": 4}),
+        mf.StateSpace(
+            [[0, 1], ["-b", "-a"]], [0, "c"], [1, 0], outputs=["y"], params={"a": 2, "b": 6, "c": 4}
+        ),
     ],
 )
 def test_start_values_given_as_numbers_are_named(model):
