@@ -197,6 +197,7 @@ def bounded(fit: Estimates) -> Doubt | None:
     return fed_back(fit) if loop and loop.regulates else (doubt and slow_noise(fit)) or doubt
 
 
+@kept
 def fed_back(fit: Estimates) -> Doubt | None:
     """That the noise of the outputs comes back in the inputs, and biases the estimates."""
     found = feedback(fit)
