@@ -15,6 +15,7 @@ EXACT = (
     1e-4  # of the mean change: a controller that runs twice as often as the log leaves 6e-4, rounding 2e-3
 )
 SHARE = 0.8  # of the samples obey the law; steps of the command and limits break it
+ALONE = 0.3  # of them, at most, the past of the input explains alone, as while it rests or follows a servo
 TRIMMED = 0.6  # of the samples that regressions use, those that obey best
 ROUNDS = 10  # of these; five find the law of a PI controller under steps and limits
 GAINS = 0.9  # of what the round before left: from there on nothing more is found
@@ -24,8 +25,9 @@ def computed(u: F64, y: F64) -> bool:
     """Tell whether samples of an input obey a control law in those of the outputs, (output, time), exactly.
 
     Their noise is known at these instants only, so that such an input is computed there, and is held until
-    the next. Nothing is told by noise-free outputs, which say what happened between samples, nor by an input
-    that is in proportion to them, as a controller without a clock makes it.
+    the next. Nothing is told by noise-free outputs, which say what happened between samples, by an input that
+    its own past explains, as the position of a servo, nor by one in proportion to them, as a controller
+    without a clock makes it.
     """
     u, y = u[:LONGEST], y[:, :LONGEST]
     if u.size < PER_COLUMN * (LAGS + 1) * (len(y) + 1) or not all(map(_noisy, y)):
@@ -34,9 +36,9 @@ def computed(u: F64, y: F64) -> bool:
     size = bend.size - LAGS
     late = [slope[:, LAGS - lag :][:, :size] for lag in range(LAGS + 1)]
     own = np.array([bend[LAGS - lag :][:size] for lag in range(LAGS + 1)])
-    if not bool(np.any(own)) or _obeys(own[0], late[0] - late[1]):
+    if not np.any(own[0]) or _share(own[0], np.concatenate([*late, own[1:]])) < SHARE:
         return False
-    return _obeys(own[0], np.concatenate([*late, own[1:]]))
+    return _share(own[0], own[1:]) < ALONE and _share(own[0], late[0] - late[1]) < ALONE
 
 
 def _noisy(values: F64) -> bool:
@@ -45,8 +47,8 @@ def _noisy(values: F64) -> bool:
     return float(bend[1:] @ bend[:-1]) < 0.0
 
 
-def _obeys(side: F64, rows: F64) -> bool:
-    """Tell whether a regression explains most samples exactly (least trimmed squares; Rousseeuw, 1984)."""
+def _share(side: F64, rows: F64) -> float:
+    """Return the share of samples that a regression explains exactly (least trimmed squares)."""
     rows = np.concatenate([np.ones((1, side.size)), rows])
     sizes = np.abs(rows).mean(axis=1)
     rows = rows[sizes > 0] / sizes[sizes > 0, None]
@@ -61,4 +63,4 @@ def _obeys(side: F64, rows: F64) -> bool:
         before, best = best, float(np.median(left))
         if best > GAINS * before:
             break
-    return bool(np.mean(left < EXACT * size) >= SHARE)
+    return float(np.mean(left < EXACT * size))

@@ -65,5 +65,10 @@ def test_what_obeys_no_law_is_not_read_so():
     open_ = [{"y": measured + level * rng.standard_normal(900), "u": walk} for level in (0.0, 0.1, 1.0)]
     both = rng.standard_normal(900)
     alike = [{"y": -3 * both, "u": both}]  # an output in proportion to the input
-    for parts in (*often, *rounded, *open_, *alike):
+    steps = np.repeat(rng.choice([-1.0, 0.0, 1.0], 20), 45)
+    servo = mf.tf([900], [1, 42, 900]).simulate(u=steps, dt=0.02, intersample="zoh").ravel()
+    flown = [{"y": servo.cumsum() + rng.standard_normal(900), "u": servo}]  # its own past explains it
+    pulse = np.where(np.arange(900) < 100, rng.standard_normal(900), 0.0)  # and while it rests
+    flown += [{"y": servo + rng.standard_normal(900), "u": pulse}]
+    for parts in (*often, *rounded, *open_, *alike, *flown):
         assert mf.Record(**parts, dt=DT)._seen["u"] != "computed"
