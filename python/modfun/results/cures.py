@@ -20,7 +20,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, LEVER, absurd, integrals, neighbours
+from .neighbours import EXTRA, LEVER, ZERO, absurd, integrals, neighbours
 from .rewritten import in_words, rewritten
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
@@ -199,7 +199,7 @@ def _of_group(
         if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
             break  # no powers where a linear term leaves the noise alone
         other = again(fit, fit.records, structure, options)
-        if other is None or EXTRA in other.at_bound:
+        if other is None or {EXTRA, ZERO} & {*other.at_bound}:
             continue
         if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
