@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .arrays import F64
+from .control_laws import computed
 from .noisy_levels import held_in_noise
 
 __all__ = [
@@ -26,12 +27,14 @@ FORMS = {
     "held": "zoh",  # flat between jumps
     "stairs": "zoh",  # the same on four or five levels, one at a time: held, or a coarsely rounded motion
     "noisy": "zoh",  # held, and measured with noise
+    "computed": "zoh",  # from outputs at the same samples, as a digital controller does
     "straight": "foh",
     "rounded": "smooth",  # flat, and then one unit of the last digit up or down
     "rough": "smooth",  # some power at the highest frequencies: held for one sample each, or noisy
     "walk": "smooth",  # changes are random: held for one sample each, or like few motions that are measured
     "smooth": "smooth",
 }
+MOVING = ("rough", "walk", "smooth")  # at every sample
 DOUBTFUL = ("stairs", "rough", "walk")
 # What decided where samples leave it open: fits of both, whose difference may be short of
 # very strong evidence, or that a reference tells of a loop. Nothing did where both fit alike.
@@ -148,7 +151,7 @@ def _flat(size: F64, moves: Mask, span: float) -> str:
 
 
 def decided(
-    words: Sequence[str], rows: Sequence[F64] | F64, t: F64 | None = None
+    words: Sequence[str], rows: Sequence[F64] | F64, t: F64 | None = None, y: F64 | None = None
 ) -> tuple[tuple[str, ...], dict[int, str]]:
     """Return one word an input, and the forms by number of those that their samples decided.
 
@@ -159,8 +162,12 @@ def decided(
     rows : sequence of ndarray, shape (time,)
     t : ndarray, shape (time,), optional
         Times, where they are uneven.
+    y : ndarray, shape (output, time), optional
+        Outputs, from which a controller may have computed an input.
     """
     forms = {k: form_of(rows[k], t) for k, word in enumerate(words) if word == AUTO}
+    if y is not None and t is None:
+        forms |= {k: "computed" for k, form in forms.items() if form in MOVING and computed(rows[k], y)}
     return tuple(FORMS[forms[k]] if k in forms else word for k, word in enumerate(words)), forms
 
 

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..base.arrays import F64
 from ..base.between import BY_FIT, CLOSE, DOUBTFUL, FORMS, LOOP, OPEN, restless
 from ..base.student import root
 from ..errors import ModfunError
@@ -53,7 +54,9 @@ FEW = 4  # records that are asked where each of many is fitted by itself
 # estimates.
 STRONG, VERY_STRONG = 6.0, 10.0
 LONG, MANY = 2.0, 0.1  # median steps, and how many are longer where times are those of no clock
-FAR = 3.0  # standard errors between estimates of both readings: these are others
+# Standard errors between estimates of both readings: these are others. A free delay makes up for half a
+# sample, whichever reading is right: at one standard error 95 % intervals of the other one hold 83 %.
+FAR, LATE = 3.0, 1.0
 SAID = {
     BY_FIT: "which the fit prefers",
     CLOSE: "though straight lines between its samples fit better",
@@ -312,10 +315,20 @@ def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:
 def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:
     """Whether both readings make estimates that differ by more than their errors in steady noise."""
     return any(
-        bool(np.any(np.abs(other.params - fit.params) > FAR * root(np.diag(Estimates.cov_params(other)))))
+        bool(np.any(np.abs(other.params - fit.params) > _far(fit) * _steady_errors(other)))
         for fit, other in zip(fits, others, strict=True)
         if other is not None and fit.param_names and fit.param_names == other.param_names
     )
+
+
+def _steady_errors(fit: Fit) -> F64:
+    return root(np.diag(Estimates.cov_params(fit)))
+
+
+def _far(fit: Fit) -> F64:
+    """By how many standard errors estimates of a parameter differ at least; free delays come last."""
+    late = len(fit.layout.free_delays) if fit.layout.rational else 0
+    return np.array([FAR] * (fit.params.size - late) + [LATE] * late)
 
 
 def _contradicted(fit: Fit) -> bool:

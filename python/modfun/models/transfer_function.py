@@ -447,7 +447,10 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
                 for path in paths
             )
     if all(value is not None for value in fixed):
-        raise SpecError("TransferFunction: params holds every coefficient; there is nothing to fit")
+        raise SpecError(
+            "TransferFunction: params holds all coefficients; nothing is left to estimate. A number holds "
+            "a coefficient: leave out those to be estimated, which need no start values"
+        )
     return Layout(
         outputs=outputs,
         inputs=inputs,

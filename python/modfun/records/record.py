@@ -217,7 +217,7 @@ class Record(Samples):
         told = zip(in_names, declared, rows or [None] * len(us), strict=True)
         functions = {n: row for n, word, row in told if is_function(row) and word in (AUTO, "smooth")}
         declared = tuple("smooth" if n in functions else w for n, w in zip(in_names, declared, strict=True))
-        words, forms = decided(declared, us, None if step else times)
+        words, forms = decided(declared, us, None if step else times, ys)
         fields: dict[str, Any] = {
             "y": ys,
             "u": us,

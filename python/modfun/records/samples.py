@@ -391,7 +391,7 @@ class Samples(Elsewhere):
         new = {name: "smooth" if name in functions else AUTO for name in fresh}
         words = [new.get(name) or known[name] for name in inputs]
         rows = [fresh.get(name, self.t) for name in inputs]
-        found, forms = decided(words, rows, None if self.dt else self.t)
+        found, forms = decided(words, rows, None if self.dt else self.t, self.y)
         kept = {name: form for name, form in self._seen.items() if name in inputs and name not in fresh}
         return found, kept | {inputs[k]: form for k, form in forms.items()}
 

@@ -32,7 +32,6 @@ from .cures import (
     of_written,
     on_band,
     otherwise,
-    rewritten,
     with_drift,
 )
 from .diagnosis import diagnose, growth, level_p, level_ratio
@@ -43,6 +42,7 @@ from .misfit import LIKE_GUSTS, UNLIKELY, UNSPOKEN, suspicious
 from .noisy_inputs import noisy_input
 from .offsets import mean
 from .position_steps import left_after, rows_with, wider
+from .rewritten import rewritten
 from .worth import worth
 
 __all__ = ["limited_input", "unlike_command"]

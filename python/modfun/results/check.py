@@ -59,6 +59,7 @@ from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals,
 from .multiplied import misweighted, multiplied
 from .noise_modes import noise_mode
 from .noisy_inputs import noisy_input
+from .nothing_free import nothing_free
 from .offsets import is_all, mean, offset
 from .origin import LEAST_GAIN, origin, smaller_errors
 from .powers import not_linear
@@ -196,6 +197,7 @@ def bounded(fit: Estimates) -> Doubt | None:
     return fed_back(fit) if loop and loop.regulates else (doubt and slow_noise(fit)) or doubt
 
 
+@kept
 def fed_back(fit: Estimates) -> Doubt | None:
     """That the noise of the outputs comes back in the inputs, and biases the estimates."""
     found = feedback(fit)
@@ -382,8 +384,8 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    coded, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated, sparse,
-    not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output, limited_input,
+    coded, nothing_free, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated,
+    sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output, limited_input,
     bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
@@ -426,6 +428,8 @@ def check(fit: Estimates, line: str) -> Findings:
         return Findings(title, [_failed(fit)])
     with np.errstate(all="ignore"):
         whole = stand_in(fit)
+        if held := nothing_free(whole):  # of other numbers residuals tell something else
+            return Findings(title, [held.text])
         said = {look: look(_seen(look, fit, whole)) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))

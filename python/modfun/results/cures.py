@@ -20,15 +20,16 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, LEVER, absurd, integrals, neighbours
+from .neighbours import EXTRA, LEVER, ZERO, absurd, integrals, neighbours
 from .refits import lengthy, starts_beside
+from .rewritten import in_words, rewritten
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
 __all__ = [
     "CLOSE", "DRIFT", "ENOUGH", "WORTH", "Cure", "Realigned", "again", "again_at_all", "amplified",
     "best_cure", "bic_beside", "convincing", "earlier_by", "furthest", "integral_missing", "likely_cure",
-    "of_written", "on_band", "otherwise", "realigned", "rewritten", "with_drift",
+    "of_written", "on_band", "otherwise", "realigned", "with_drift",
 ]  # fmt: skip
 
 DRIFT = 'trend="linear"'  # words of that cure
@@ -69,6 +70,7 @@ class Realigned(Cure):
     fit: Estimates
 
 
+@kept
 def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     """The neighbouring structure, or hold of the input, whose fit lowers BIC most; None where none pays.
 
@@ -83,6 +85,10 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     for words, records, structure in near:
         if words.startswith("more zeros") and found and found.level_p > ENOUGH:
             continue  # what acts at once can do what a delay does
+        if options.reference and records is fit.records:
+            rough = _roughly(fit, structure, options)
+            if rough is None or not bic_beside(rough, fit) < (found.after if found else before):
+                continue
         other = again(fit, records, structure, options)
         if other is None or growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
@@ -96,6 +102,16 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     # Poles follow a drift, too.
     drift = with_drift(fit) if found and "poles=" in found.words and fit.trend == "constant" else None
     return drift if found and drift and drift.after < found.after else found
+
+
+def _roughly(fit: Estimates, structure: Any, options: Options) -> Estimates | None:
+    """The fit of another structure; of one with a reference on the record in which its rounds ended.
+
+    Rounds of its own are seven fits or more, and most structures next to a right one lower nothing.
+    """
+    if options.reference and fit.instrumented is not None:
+        return again(fit, fit.instrumented, structure, options.replace(reference=()))
+    return again(fit, fit.records, structure, options)
 
 
 @kept
@@ -185,7 +201,7 @@ def _of_group(
         if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
             break  # no powers where a linear term leaves the noise alone
         other = again(fit, fit.records, structure, options)
-        if other is None or EXTRA in other.at_bound:
+        if other is None or {EXTRA, ZERO} & {*other.at_bound}:
             continue
         if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
             continue
@@ -360,7 +376,7 @@ def _neighbours(
     of = f" of {name}" if several else ""
     if path is None:
         degrees[output][channel] = layout.orders[output] - 1
-        words = f"a path from {name} to {fit.outputs[output]}, zeros={_told(degrees)}"
+        words = f"a path from {name} to {fit.outputs[output]}, zeros={in_words(degrees)}"
         yield words, records, rewritten(fit, zeros=degrees)
         return
     for word in ("zoh", "smooth", "foh"):
@@ -376,12 +392,12 @@ def _neighbours(
     if not isinstance(known, Free):
         for late in _likeliest_delay(fit, delays, output, channel):
             delays[output][channel] = late
-            yield f"a delay{of}, delay={_told(delays)}", records, rewritten(fit, delay=delays)
+            yield f"a delay{of}, delay={in_words(delays)}", records, rewritten(fit, delay=delays)
     for degree in range(path + 1, layout.orders[output] + 1):  # as many as poles: an accelerometer
         more = [list(row) for row in degrees]
         more[output][channel] = degree
         count = "one more zero" if degree == path + 1 else "more zeros"
-        yield f"{count}{of}, zeros={_told(more)}", records, rewritten(fit, zeros=more)
+        yield f"{count}{of}, zeros={in_words(more)}", records, rewritten(fit, zeros=more)
     yield from _poles(fit, output)
 
 
@@ -403,7 +419,7 @@ def _likeliest_delay(
     def score(k: int) -> None:
         late = [list(row) for row in delays]
         late[output][channel] = known + k * dt
-        other = again(fit, fit.records, rewritten(fit, delay=late), options)
+        other = _roughly(fit, rewritten(fit, delay=late), options)
         scores[k] = bic_beside(other, fit) if other is not None else inf
 
     best = 0
@@ -467,34 +483,10 @@ def _poles(fit: Estimates, output: int) -> Iterator[tuple[str, tuple[Record, ...
                 TransferFunction(poles=told, denominator=fit.structure.denominator),
             )
             continue
-        yield f"{words}, poles={told}, zeros={_told(degrees)}", records, rewritten(fit, poles=told)
+        yield f"{words}, poles={told}, zeros={in_words(degrees)}", records, rewritten(fit, poles=told)
         wider = [
             [None if d is None else d + extra for d in row] if layout.common or i == output else row
             for i, row in enumerate(degrees)
         ]
-        yield f"{words}, poles={told}, zeros={_told(wider)}", records, rewritten(fit, poles=told, zeros=wider)
-
-
-def rewritten(fit: Estimates, **changes: Any) -> TransferFunction:
-    """The structure with some of its words changed, each written [output][input]."""
-    structure, layout = fit.structure, fit.layout
-    words: dict[str, Any] = {
-        "poles": structure.poles,
-        "zeros": [list(row) for row in layout.numerators],
-        "delay": structure.delay,
-        "denominator": structure.denominator,
-        "params": dict(structure.params) or None,
-    } | changes
-    for name in ("zeros", "delay"):
-        if structure.denominator is None and isinstance(words[name], list):
-            words[name] = words[name][0]
-    return TransferFunction(**words)
-
-
-def _told(rows: list[list[Any]]) -> str:
-    """As short as a user would write it."""
-    flat = [value for row in rows for value in row]
-    if all(value == flat[0] for value in flat):
-        return f"mf.{flat[0]!r}" if isinstance(flat[0], Free) else repr(flat[0])
-    text = repr(rows[0] if len(rows) == 1 else rows)
-    return text.replace("Free(", "mf.Free(")
+        shown = f"{words}, poles={told}, zeros={in_words(wider)}"
+        yield shown, records, rewritten(fit, poles=told, zeros=wider)

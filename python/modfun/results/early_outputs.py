@@ -10,10 +10,11 @@ from ..base.cached import kept
 from ..base.names import listed
 from ..models.free import Free
 from ..records.record import Record
-from .cures import CLOSE, WORTH, again, bic_beside, on_band, otherwise, rewritten
+from .cures import CLOSE, WORTH, again, bic_beside, on_band, otherwise
 from .diagnosis import growth
 from .doubts import Doubt, still_held
 from .estimates import Estimates
+from .rewritten import rewritten
 
 __all__ = ["early_output"]
 

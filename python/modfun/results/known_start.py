@@ -12,9 +12,10 @@ from ..base.arrays import F64
 from ..models.free import Free
 from ..records.periods import periods
 from ..records.steady import QUIET, standing
-from .cures import DRIFT, again, amplified, furthest, on_band, rewritten
+from .cures import DRIFT, again, amplified, furthest, on_band
 from .diagnosis import growth
 from .known_drift import drifting
+from .rewritten import rewritten
 
 if TYPE_CHECKING:
     from .estimates import Estimates

@@ -20,12 +20,13 @@ from ..errors import ModfunError
 from ..models.free import Free
 from ..records.forms import forms_of
 from .estimates import Estimates
-from .shifts import likeliest_lever
+from .shifts import likeliest_lever, likeliest_shift
 from .worth import Key
 
 __all__ = [
     "EXTRA",
     "LEVER",
+    "ZERO",
     "absurd",
     "integrals",
     "neighbours",
@@ -122,6 +123,7 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
                 f"a delay of {u}, delay={shown!r} and params={{'h': mf.Free(min=0, max=...)}} (h = {{}} s)"
             )
             yield words, model._like(delay=late, params=_more(model, _delay(fit))), ("late", u)
+    yield from _two_sensors(fit, model)
     for i, y in enumerate(model.outputs):
         if state_of(model.C[i], model.D[i]) is not None:
             continue  # a measured state is no accelerometer
@@ -129,6 +131,20 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
             bounds = [_about(fit, y, model.states[j])]
             words = of_levers(y, [model.states[j]], ["{}"], bounds)
             yield words, with_levers(model, i, [j], bounds), ()
+
+
+def _two_sensors(fit: Estimates, model: StateSpace) -> Changed:
+    """Lags of two sensors, where an input seems to act late: what they have in common looks like that."""
+    shift = likeliest_shift(fit) if len(model.outputs) > 1 else None
+    if shift is None or shift.channel not in model.inputs:
+        return
+    for i, j in combinations(range(len(model.outputs)), 2):
+        y, other = model.outputs[i], model.outputs[j]
+        words = (
+            f"lags of the sensors of {y} ({{}} s) and of {other}, each as a state: "
+            f"{y}_sensor' = ({y} - {y}_sensor)/lag"
+        )
+        yield words, _sensor(fit, _sensor(fit, model, i), j, ZERO), ()
 
 
 def with_levers(model: StateSpace, i: int, states: Sequence[int], bounds: Sequence[float]) -> StateSpace:
@@ -198,18 +214,19 @@ def _entries(model: StateSpace) -> Changed:
                     yield words, made, () if name == "D" else ("term", row, column)
 
 
-def _sensor(fit: Estimates, model: StateSpace, i: int) -> StateSpace:
+def _sensor(fit: Estimates, model: StateSpace, i: int, lag: str = EXTRA) -> StateSpace:
     """One more state, which output i shows and which follows what it showed."""
     n, y = len(model.states), model.outputs[i]
-    over = [f"({entry})/{EXTRA}" for entry in model.C[i]]
-    a = [*([*row, 0] for row in model.A), [*over, f"-1/{EXTRA}"]]
-    b = [*model.B, [f"({entry})/{EXTRA}" for entry in model.D[i]]]
+    over = [f"({entry})/{lag}" for entry in model.C[i]]
+    a = [*([*row, 0] for row in model.A), [*over, f"-1/{lag}"]]
+    b = [*model.B, [f"({entry})/{lag}" for entry in model.D[i]]]
     c = [[*row, 0] for row in model.C]
     c[i] = [*[0] * n, 1]
     d = [list(row) for row in model.D]
     d[i] = [0] * len(model.inputs)
     states = [f"{x}_itself" if x == y else x for x in model.states]
-    return model._like(A=a, B=b, C=c, D=d, states=[*states, y], params=_more(model, _late(fit)))
+    params = {**dict(model.params), lag: _late(fit)}
+    return model._like(A=a, B=b, C=c, D=d, states=[*states, y], params=params)
 
 
 def _actuator(fit: Estimates, model: StateSpace, k: int) -> StateSpace:

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..models.transfer_function import TransferFunction
-from .cures import again, on_band, rewritten
+from .cures import again, on_band
 from .doubts import Doubt
 from .estimates import Estimates
+from .rewritten import rewritten
 from .stability import deviance
 from .uncertain_poles import Mode, modes
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from ..base.cached import kept
 from ..models.transfer_function import TransferFunction
-from .cures import ENOUGH, again, rewritten
+from .cures import ENOUGH, again
 from .diagnosis import level_p
 from .doubts import Doubt, still_held
 from .estimates import Estimates
+from .rewritten import rewritten
 
 __all__ = ["too_many_poles"]
 

@@ -26,6 +26,25 @@ def test_nothing_free_is_a_fit_that_can_be_checked(model):
     assert not [text for text in fit.check() if "missing" in text]
 
 
+@pytest.mark.parametrize(
+    "model",
+    [
+        mf.Equation("y'' + a*y' + b*y = c*u", params={"a": 2, "b": 6, "c": 4}),
+        mf.StateSpace(
+            [[0, 1], ["-b", "-a"]], [0, "c"], [1, 0], outputs=["y"], params={"a": 2, "b": 6, "c": 4}
+        ),
+    ],
+)
+def test_start_values_given_as_numbers_are_named(model):
+    """Four wrong causes were advised: a missing term, a lag of a sensor, load, an offset."""
+    with pytest.warns(mf.ModfunWarning, match="Nothing was estimated: params= holds every") as said:
+        fit = mf.fit(REC, model)
+    found = list(fit.check())
+    assert len(found) == 1
+    assert str(said[0].message) == f"fit: {found[0]}"
+    assert '"a": mf.Free(2)' in found[0]
+
+
 def test_a_logarithm_is_cut_where_noise_begins():
     """An epidemic of which I alone is measured: cut where I stayed above 0, 9 of 40 fits ran away."""
     from scipy.integrate import solve_ivp

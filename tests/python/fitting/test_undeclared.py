@@ -228,7 +228,7 @@ MOTOR = np.array([101.3333, 966.668, 16666.7])  # (s + 100)(s + 4/3) + 5 · 500/
 
 
 def motor(seed: int, level: float) -> mf.Record:
-    """A motor's speed under a PI controller with a tick a sample, whose command looks smooth."""
+    """A motor's speed under a PI controller with a tick per sample, whose command looks smooth, rounded."""
     step = mf.c2d(mf.ss([[-100.0, -5.0], [166.667, -1.3333]], [[100.0], [0.0]], np.eye(2)), 0.01)
     rng, x, integral = np.random.default_rng(seed), np.zeros(2), 0.0
     y, u = np.zeros(400), np.zeros(400)
@@ -237,7 +237,7 @@ def motor(seed: int, level: float) -> mf.Record:
         integral += 0.004 * (wanted - y[k])
         u[k] = 0.08 * (wanted - y[k]) + integral
         x = step.A @ x + step.B[:, 0] * u[k]
-    return mf.Record(y=y, u=u, dt=0.01)
+    return mf.Record(y=y.round(1), u=u, dt=0.01)
 
 
 def test_a_command_that_looks_smooth_is_read_as_held_where_that_fits_far_better():
@@ -397,7 +397,7 @@ LATE = mf.TransferFunction(poles=1, zeros=0, delay=mf.Free(min=0, max=30))
 
 
 def controlled(seed: int, intersample: str = "auto") -> mf.Record:
-    """A PI controller with a tick a second moves 2.5 e^(-8 s)/(40 s + 1); measurements have noise of 0.3."""
+    """A PI controller with a tick a second moves 2.5 e^(-8 s)/(40 s + 1); noise of 0.3, rounded."""
     wanted = 3 * np.array([0, 1, -1, 1, -1, 0, 1])[np.minimum(np.arange(900) // 130, 6)]
     noise, a = 0.3 * np.random.default_rng(seed).standard_normal(900), np.exp(-1 / 40)
     u, y, x, integral = np.zeros(900), np.zeros(900), 0.0, 0.0
@@ -406,7 +406,7 @@ def controlled(seed: int, intersample: str = "auto") -> mf.Record:
         integral += 2 / 35 * (wanted[k] - y[k])
         u[k] = 2 * (wanted[k] - y[k]) + integral
         x = a * x + 2.5 * (1 - a) * (u[k - 8] if k >= 8 else 0.0)
-    return mf.Record(y=y, u=u, dt=1.0, keep={"SP": wanted}, intersample=intersample)
+    return mf.Record(y=y.round(2), u=u, dt=1.0, keep={"SP": wanted}, intersample=intersample)
 
 
 def test_the_command_of_a_loop_with_a_free_delay_is_held():
@@ -422,29 +422,6 @@ def test_the_command_of_a_loop_with_a_free_delay_is_held():
     assert looks.count("smooth") > 5
     assert abs(np.mean(scores)) < 1.0
     assert "is assumed held" in str(fit.check())
-
-
-@pytest.mark.parametrize("held", [True, False])
-def test_a_free_delay_is_asked_how_the_input_goes(held):
-    """A multisine of a converter without a filter: half a sample of delay, and nothing was said."""
-    t, k = np.arange(901), np.arange(1, 40)
-    u = 0.25 * np.cos(2 * np.pi * np.outer(t / 900, k) - np.pi * k * (k - 1) / 39).sum(axis=1)
-    plant = mf.tf([2.5], [400, 50, 1], delay=8.0)
-    y = plant.simulate(u=u, dt=1.0, intersample="zoh" if held else "smooth").ravel()
-    late = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(min=0, max=20))
-    for seed in range(5):
-        noisy = 10 + y + 0.05 * y.std() * np.random.default_rng(seed).standard_normal(901)
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")  # neither is beyond doubt
-            fit = mf.fit(mf.Record(y=noisy, u=u, dt=1.0), late)
-        assert fit.intersample == ("smooth",)
-        said = str(fit.check())
-        assert "Held, as by a computer, it fits about as well (BIC" in said
-        both = [quiet(mf.Record(y=noisy, u=u, dt=1.0, intersample=w), late) for w in ("zoh", "smooth")]
-        now, was = (f"{one['delay']:.4g} ± {one.bse['delay']:.2g}" for one in both)
-        assert f"delay is {now} instead of {was}" in said
-        assert abs(both[not held]["delay"] - 8) < 4 * both[not held].bse["delay"]
-        assert "Nobody declared" not in str(both[1].check())
 
 
 def test_an_input_with_noise_was_measured():
