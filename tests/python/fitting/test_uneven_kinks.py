@@ -44,17 +44,19 @@ def rms(structure: mf.Equation | mf.StateSpace, records: list[mf.Record]) -> np.
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("structure", [LINEAR, STATE], ids=["equation", "state space"])
-@pytest.mark.parametrize("jitter", [0.001, 1.0, 5.0])
+@pytest.mark.parametrize(
+    ("structure", "jitter"),
+    [(LINEAR, 0.001), (STATE, 1.0), (LINEAR, 5.0)],
+    ids=["even", "state space", "wide"],
+)
 def test_linear_ones_are_right_at_any_jitter(structure: mf.Equation | mf.StateSpace, jitter: float) -> None:
-    """They were 4.5 standard errors off, in silence. Of 8 normal errors 1.9 is passed once in 2,000 tests."""
-    assert np.all(rms(structure, [tank(seed, jitter, 4, 0.0) for seed in range(8)]) < 1.9)
+    """They were 4.5 standard errors off, in silence. Of 5 normal errors 2.1 is passed once in 2,000 tests."""
+    assert np.all(rms(structure, [tank(seed, jitter, 4, 0.0) for seed in range(5)]) < 2.1)
 
 
 @pytest.mark.statistics
-@pytest.mark.parametrize("hold", [4, 25])
-def test_nonlinear_ones_are_right_too(hold: int) -> None:
-    assert np.all(rms(COOLED, [tank(seed, 5.0, hold, TRUTH["s"]) for seed in range(8)]) < 1.9)
+def test_nonlinear_ones_are_right_too() -> None:
+    assert np.all(rms(COOLED, [tank(seed, 5.0, 10, TRUTH["s"]) for seed in range(5)]) < 2.1)
 
 
 def test_nearly_even_times_are_as_good_as_even_ones() -> None:
@@ -69,8 +71,7 @@ def test_nearly_even_times_are_as_good_as_even_ones() -> None:
 )
 def test_a_finer_grid_adds_no_information(structure: mf.Equation, bend: float) -> None:
     """With nine of ten samples masked standard errors were ten times too small, in silence."""
-    count = 4 if bend else 8
-    records = [tank(seed, 1.0, 10, bend) for seed in range(count)]
+    records = [tank(seed, 1.0, 10, bend, 300) for seed in range(2 if bend else 4)]
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # no polynomial is sought through samples that do not count
-        assert np.all(rms(structure, [rec.resample(1.0) for rec in records]) < 2.2)
+        assert np.all(rms(structure, [rec.resample(1.0) for rec in records]) < 2.5)
