@@ -12,6 +12,7 @@ from ..errors import ModfunError
 from ..records.mask import sample_weights
 from ..results.diagnosis import growth
 from ..results.estimates import COVARIANCES
+from ..results.initial_state import slopes
 from .gaps import hides_much
 
 __all__ = ["by_samples"]
@@ -31,11 +32,10 @@ def by_samples(fit: AnyFit) -> AnyFit:
     measurement, and where most samples are so, standard errors from lines are too small and the rounds of
     filling end too early. Output error has no such values: from estimates near the truth a few steps of Gauss
     and Newton reach its minimum. Covariances keep what they tell of the colour of the noise, on the scale of
-    that minimum. Equations that are not linear stay as they are, for their integrations take too long.
+    that minimum.
     """
-    linear = fit.layout.rational or fit.structure.linear
     white = fit.options.noise == "output" and fit.options.method in ("ml", "awls") and not fit.layout.priors
-    if not (white and linear) or not fit.usable or not any(map(hides_much, fit.records)) or growth(fit) > 0:
+    if not (white and fit.usable) or not any(map(hides_much, fit.records)) or growth(fit) > 0:
         return fit
     try:
         with np.errstate(all="ignore"):  # steps too far away overflow, and are halved
@@ -59,9 +59,9 @@ class _Descent:
         params = self.fit.params.copy()
         left, count = self._left(params)
         for _ in range(ROUNDS):
-            slopes = self._slopes(params, left)
+            steep = self._slopes(params, left)
             move = np.zeros(params.size)
-            move[self.moving] = np.linalg.lstsq(slopes.T, left, rcond=None)[0]
+            move[self.moving] = np.linalg.lstsq(steep.T, left, rcond=None)[0]
             for _ in range(HALVED):
                 beside, _ = self._left(params + move)
                 if beside @ beside <= left @ left:
@@ -70,7 +70,7 @@ class _Descent:
             else:
                 break
             params, left = params + move, beside
-            cov = np.linalg.inv(slopes @ slopes.T) * (left @ left) / max(count - params.size, 1)
+            cov = np.linalg.inv(steep @ steep.T) * (left @ left) / max(count - params.size, 1)
             if np.all(np.abs(move[self.moving]) < SETTLED * np.sqrt(cov.diagonal())):
                 break
         else:
@@ -88,6 +88,8 @@ class _Descent:
         return np.concatenate(rows), count
 
     def _slopes(self, params: F64, left: F64) -> F64:
+        if not (self.fit.layout.rational or self.fit.structure.linear):
+            return self._of_integrations(replace(self.fit, params=params))
         found = []
         for k in self.moving:
             beside = params.copy()
@@ -95,12 +97,21 @@ class _Descent:
             found.append((left - self._left(beside)[0]) / self.steps[k])
         return np.array(found)
 
+    def _of_integrations(self, fit: Any) -> F64:
+        """The same with initial states and trends beside the parameters: they are long in the finding."""
+        found = []
+        for rec, weights in zip(fit.records, self.weights, strict=True):
+            each = (slopes(fit, rec, fit.simulate(rec)[1]) * weights).reshape(-1, weights.size)
+            own, beside = each[self.moving], each[fit.params.size :]
+            found.append(own - own @ np.linalg.pinv(beside) @ beside)
+        return np.concatenate(found, axis=1)
+
     def _told(self, params: F64, left: F64, count: int) -> Any:
         """The fit with these parameters, and covariances on the scale of those of least squares."""
-        slopes, fit = self._slopes(params, left), self.fit
+        steep, fit = self._slopes(params, left), self.fit
         square = float(left @ left) / max(count - params.size, 1)
         scale = np.zeros(params.size)
-        errors = np.sqrt(np.linalg.inv(slopes @ slopes.T).diagonal() * square)
+        errors = np.sqrt(np.linalg.inv(steep @ steep.T).diagonal() * square)
         scale[self.moving] = errors / np.sqrt(fit.cov_nonrobust.diagonal()[self.moving])
         covs = {name: getattr(fit, name) * np.outer(scale, scale) for name in COVARIANCES}
         return replace(fit, params=params, noise_cov=fit.noise_cov * square, **covs)

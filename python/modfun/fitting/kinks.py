@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from math import pi
-from typing import Any
 
 import numpy as np
 
@@ -18,9 +17,9 @@ from ..records.record import Record
 from ..results.cures import on_band
 from ..results.of_equations import EquationFit
 from ..results.prediction import unexplained
-from ..systems.propagate import spline
+from .finer import BEFORE, UnevenSums, finer, response
 
-__all__ = ["bent", "between", "without_kinks"]
+__all__ = ["bent", "without_kinks"]
 
 FINE = 40  # samples per period of the highest line: with as many, kinks of held inputs are below 0.1 % noise
 ROUNDS = 6
@@ -28,7 +27,6 @@ SETTLED = 0.5  # of a standard error: the last step, which is taken; the next on
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
 PARTS = 4  # of a sampling interval, in which the response is looked at,
 SEEN = 30  # or more, such that Simpson's rule has so many in a period of the highest line: errors of 1e-5
-BEFORE = np.array([-1.0, 4.0, -6.0, 4.0])  # what a cubic through the last four says of the next
 
 
 def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> EquationFit:
@@ -77,8 +75,7 @@ def _settled(
 ) -> EquationFit | None:
     """Rounds of what the estimate folds and of the estimate that follows; None where they do not settle."""
     options, now, sizes = on_band(start, start.band), start, list[float]()
-    parts = [_parts(start, rec) for rec in records]
-    fine = [between(rec, count) for rec, count in zip(records, parts, strict=True)]
+    fine = [_finer(start, k, rec) for k, rec in enumerate(records)]
     while len(sizes) < ROUNDS and not (sizes and sizes[-1] < SETTLED):
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -102,12 +99,16 @@ def _settled(
     return replace(now, band_rule=start.band_rule) if closer else None
 
 
-def _parts(fit: EquationFit, rec: Record) -> int:
-    """Parts of a sampling interval."""
+def _finer(fit: EquationFit, k: int, rec: Record) -> Record | UnevenSums:
+    """Inputs in parts of the sampling interval; sums of responses at uneven times."""
+    if rec.dt is None:
+        last = fit.lines[k][1]
+        top = last if fit.structure.linear else max(last, rec.intervals // 3)
+        return UnevenSums(rec, last, top, fit.options.rule)
     parts = PARTS
-    while fit.band[1] * (rec.dt or 0.0) * SEEN > 2 * pi * parts:
+    while fit.band[1] * rec.dt * SEEN > 2 * pi * parts:
         parts *= 2
-    return parts
+    return finer(rec, parts)
 
 
 def _levels(fit: EquationFit, records: tuple[Record, ...]) -> list[float] | None:
@@ -126,31 +127,30 @@ def bent(fit: EquationFit) -> bool:
     plain = (options.initial_state, options.robust, options.reference) == ("unknown", False, ())
     plain = plain and options.noise == "output" and not fit.layout.formulas.words["priors"]
     held = any("zoh" in rec.intersample or rec.functions for rec in fit.records or ())
-    steps = [step for step in fit.steps if step is not None]
+    steps = [rec.duration / rec.intervals for rec in fit.records or ()]
     fast = any(fit.band[1] * step * FINE > 2 * pi for step in steps)
-    return plain and held and fast and not fit.at_bound and len(steps) == len(fit.steps)
+    return plain and held and fast and not fit.at_bound
 
 
-def _unfolded(fit: EquationFit, k: int, rec: Record, fine: Record) -> Record:
+def _unfolded(fit: EquationFit, k: int, rec: Record, fine: Record | UnevenSums) -> Record:
     """A record less what sampling folds of the fit's response: exactly on the lines that are fitted.
 
     On those beyond, which products of signals bring back, without the jump from the end to the beginning.
     `fine` has the inputs between the samples.
     """
+    if isinstance(fine, UnevenSums):
+        return rec._like(y=rec.y - fine.excess(fit))
     intervals, last = fit.intervals[k], fit.lines[k][1]
     first, parts = rec.intervals - intervals, fine.intervals // rec.intervals
-    there, start = fit.simulate(rec)
-    told = np.arange(fine.t.size) % parts == 0  # a trend is found from these samples again
-    same = fine._like(y=np.repeat(there, parts, axis=1)[:, : told.size], mask=np.tile(told, (len(there), 1)))
-    between = fit.simulate(same, start)[0][:, first * parts :]
-    response = between[:, ::parts]
+    between = response(fit, rec, fine, np.arange(0, fine.t.size, parts))[:, first * parts :]
+    there = between[:, ::parts]
     closed = between - _open(between)
     high = np.fft.rfft(closed[:, :-1:parts]) / intervals - _integrals(closed, parts)
     high[:, : last + 1] = 0
-    left = response - _signal(high, intervals)
+    left = there - _signal(high, intervals)
     low = _sums(left, last, fit.options.rule) - _integrals(between, parts)[:, : last + 1]
     y = rec.y.copy()
-    y[:, first:] -= response - left + samples_of(low, intervals, fit.options.rule)
+    y[:, first:] -= there - left + samples_of(low, intervals, fit.options.rule)
     return rec._like(y=y)
 
 
@@ -166,25 +166,6 @@ def _signal(lines: C128, intervals: int) -> F64:
     """What has these coefficients, from line 0 on, at the samples of a window."""
     period = np.fft.irfft(lines * intervals, intervals)
     return np.concatenate([period, period[:, :1]], axis=1)
-
-
-def between(rec: Record, parts: int) -> Record:
-    """Inputs in parts of the sampling interval, as each runs between its samples; outputs are zero."""
-    assert rec.dt is not None
-    places = np.arange(rec.intervals * parts + 1) / parts
-    own = np.arange(rec.intervals + 1.0)
-    run: dict[str, Callable[[F64], Any]] = {
-        "zoh": lambda u: u[places.astype(int)],
-        "foh": lambda u: np.interp(places, own, u),
-        "smooth": lambda u: spline(own, u)(places),
-    }
-    made = Record(
-        y=np.zeros((len(rec.outputs), places.size)),
-        u=np.array([run[kind](u) for kind, u in zip(rec.intersample, rec.u, strict=True)]),
-        dt=rec.dt / parts, t0=float(rec.t[0]), outputs=rec.outputs, inputs=rec.inputs,
-        intersample=rec.intersample,
-    )  # fmt: skip
-    return made._like(_functions=rec._functions)
 
 
 def _sums(y: F64, last: int, rule: str) -> C128:

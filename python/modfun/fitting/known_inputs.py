@@ -20,7 +20,8 @@ from ..records.record import Record
 from ..results.fit import Fit
 from ..results.of_equations import EquationFit
 from ..results.prediction import unexplained
-from .kinks import bent, between, without_kinks
+from .finer import finer
+from .kinks import bent, without_kinks
 from .plain import fit_plain
 
 __all__ = ["equations_closely", "fit_known_inputs", "held_closely", "refuse_uneven"]
@@ -249,7 +250,7 @@ def _moved(fit: Fit, rec: Record, longer: Record, lead: int, k: int) -> Record:
     rule, intervals, layout = fit.options.rule, fit.intervals[k], fit.layout
     first, top = rec.intervals - intervals, (intervals - 1) // 2
     state = fit.simulate(rec, _start(fit))[1]
-    fine = fit.simulate(between(rec, PARTS), state)[0][:, first * PARTS :]
+    fine = fit.simulate(finer(rec, PARTS), state)[0][:, first * PARTS :]
     few, rows = np.ascontiguousarray(fine[:, ::PARTS]), len(fine)
     sums = coefficients(few, top, [rule] * rows, [0.0] * rows, 0, None)
     excess = sums - coefficients(np.ascontiguousarray(fine), top, ["gregory"] * rows, [0.0] * rows, 0, None)

@@ -211,7 +211,10 @@ def find_state(
     """
     search = _Search(model, rec, TRENDS.index(trend), state)
     n, count = len(model.states), rec.t.size
-    lengths = [max(int(h * count), min(count, 8 + 8 * search.sizes.size)) for h in HORIZONS]
+    # Masked samples tell nothing: pieces hold so many that count.
+    counted = np.cumsum(np.any(search.own > 0, axis=0))
+    least = [max(int(h * counted[-1]), min(int(counted[-1]), 8 + 8 * search.sizes.size)) for h in HORIZONS]
+    lengths = [*(np.searchsorted(counted, least[:-1]) + 1).tolist(), count]
     tried = []
     if model.compiled.is_linear:  # outputs are straight in all unknowns: one start, over all samples
         search.step, rounds = 1.0, STRAIGHT
@@ -321,8 +324,12 @@ class _Search:
         t = self.rec.t[:length] - self.rec.t[0]
         for name, y, weight in zip(self.rec.outputs, self.rec.y, self.own, strict=True):
             order = sum(s.rstrip("'") == name for s in self.model.states)
-            degree = min(order + extra, max(length // 3, 1))
-            found = np.polynomial.Polynomial.fit(t, y[:length], degree, w=weight[:length])
+            own = weight[:length] > 0
+            count = int(np.count_nonzero(own))
+            if not count:
+                continue
+            degree = min(order + extra, max(count // 3, 1), count - 1)
+            found = np.polynomial.Polynomial.fit(t[own], y[:length][own], degree, w=weight[:length][own])
             for k in range(order):
                 slope = found.deriv(k) if k else found
                 x[self.model.states.index(name + "'" * k)] = slope(0.0)
