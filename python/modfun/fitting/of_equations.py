@@ -25,6 +25,7 @@ from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
 from .delay_starts import delay_starts
+from .few_lines import at_least_white
 from .gaps import across, blind, bridged, relative, variances
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
@@ -263,6 +264,8 @@ def _of_found(
     coloured = options.noise == "coloured"
     cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 and not driven else 1.0)
     over = np.ones_like(own) if driven else own / known
+    # Noise inside the system has a spectrum that its levels tell.
+    found = found if driven else at_least_white(found)
     noise = np.outer(known, known) * np.mean(_correlations(found, len(known)), axis=0) * found["scale"]
     return EquationFit.of_core(
         found | {"cost": cost, "noise": noise, "record_levels": over},

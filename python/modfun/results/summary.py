@@ -196,7 +196,7 @@ def _band(fit: Estimates) -> str:
             f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "
             f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}"
             f"{end_in_words(fit)}{'; widened for the noise level' if 'widened' in rule else ''}"
-            f"{'; narrowed, as sums over uneven samples err beyond' if 'narrowed' in rule else ''}"
+            f"{_why_narrowed(fit) if 'narrowed' in rule else ''}"
         )
     if fit.options.band is not None:
         return f"{text}: given as band"
@@ -208,6 +208,12 @@ def _band(fit: Estimates) -> str:
         samples = "16/3 samples a period, to tell noise of both kinds apart"
         return f"{text}: down to {samples if fit.options.drives else 'eight samples a period'}"
     return f"{text}: M = 3 times the number of unknowns"
+
+
+def _why_narrowed(fit: Estimates) -> str:
+    uneven = any([step is None for step in fit.steps])
+    what = "sums over uneven samples err" if uneven else "the search goes astray"
+    return f"; narrowed, as {what} beyond"
 
 
 def _noise(fit: Estimates) -> str:
