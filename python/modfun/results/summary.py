@@ -15,6 +15,7 @@ from ..base.student import root, student_p
 from ..base.tables import Findings, Table
 from ..errors import SpecError
 from ..models.noise import Noise
+from ..records.spectra import too_short
 from .band_end import end_in_words
 from .diagnosis import level_p, level_ratio
 from .doubts import numbers, still_held
@@ -265,6 +266,8 @@ def _no_level(fit: Estimates) -> str:
         return "records with a mask or a sigma show no level in an unused band"
     if any(rec.dt is None for rec in fit.records):
         return "uneven samples show no level in an unused band"
+    if any(too_short(rec.t.size, max(fit.layout.orders)) for rec in fit.records):
+        return "so few samples leave no band that shows the noise"
     if not fit.layout.rational:
         return "these equations need no level of noise; give one, noise=mf.Noise(y=...)"
     return "the lines used leave no band that shows the noise"
