@@ -11,6 +11,7 @@ from typing import Any, Never, Unpack
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public, whole
+from ..equations.layout import layout_of
 from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.noise import Noise
@@ -19,8 +20,9 @@ from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.conversion import agreeing
-from ..records.forms import agreed
+from ..records.forms import agreed, forms_of
 from ..records.record import Record
+from ..records.spectra import too_short
 from ..records.uneven_rows import refuse_gap
 from ..results.fit import Fit
 from ..results.many import FitMany
@@ -354,7 +356,7 @@ def fit_many(
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
     alone = past or fits_alone(read, structure, checked) or _bends(read, structure, checked)
-    alone = alone or _signs_open(read, structure, checked)
+    alone = alone or _signs_open(read, structure, checked) or _short(read, structure, checked)
     if not alone and (isinstance(read, Batch) or _alike(read)):
         return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
     return fit_each(read, structure, checked, fit_whole, progress, notes)
@@ -367,6 +369,15 @@ def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -
     return bool("zoh" in data[0].intersample or data[0].functions) and bent(
         fit_equation(data[:1], structure, options)
     )
+
+
+def _short(data: Batch | tuple[Record, ...], structure: Any, options: Options) -> bool:
+    """Whether equations have records too short to see noise levels in, which the fit of each finds."""
+    if isinstance(structure, TransferFunction):
+        return False
+    own = data if isinstance(data, Batch) else structure.own_channels(data[0])
+    layout = layout_of(structure, options, own.outputs, own.inputs, forms_of(data))
+    return layout.formulas.needs_levels and too_short(own.y.shape[-1], max(layout.orders))
 
 
 def _signs_open(data: Batch | tuple[Record, ...], structure: Any, options: Options) -> bool:

@@ -20,6 +20,7 @@ from ..results.cures import on_band
 from ..results.fit import Fit
 from ..results.many import FitMany
 from .changes import Alone, Changes, may_change
+from .few_lines import many_at_least_white
 from .of_equations import PreparedEquation, batch_of, prepare_equation
 from .prepared import Prepared, prepare, refuse_cut_off, refuse_standing
 from .wider import ENOUGH
@@ -65,6 +66,8 @@ def fit_batch(
         if (wide := _wider(found, data, structure, options, fit_one)) is not None:
             made = prepare_equation(structure, wide, sample)
             found = made.core.fit_many(y, u, threads=threads, progress=bar)
+    if isinstance(made, PreparedEquation) and not options.drives:
+        found = many_at_least_white(found)
     failed = isinstance(structure, TransferFunction) and found["status"][0] == NONFINITE
     if failed and not any(np.isfinite(samples).all() for samples in y):
         raise DataError(

@@ -21,12 +21,15 @@ from ..records.batches import Batch
 from ..records.corners import driving
 from ..records.forms import forms_of
 from ..records.record import Record
+from ..records.spectra import too_short
 from ..results.diagnosis import level_ratio
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
 from .delay_starts import delay_starts
+from .few_lines import at_least_white
 from .gaps import across, blind, bridged, relative, variances
+from .own_levels import by_own_levels
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import AWAY, restarted, settled_within
 from .signs import as_written, positive
@@ -157,6 +160,15 @@ def fit_equation(
     first = records[0]
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(records))
     _refuse_constants(layout, records, options)
+    if levels is None:
+        alone = by_own_levels(
+            records,
+            layout,
+            options,
+            lambda own: fit_equation(records, structure, options, again, own, starts),
+        )
+        if alone is not None:
+            return alone
     within = sensible(layout, records)
     if starts is None and again is not None:
         late = delay_starts(structure, layout, records, options, again)
@@ -210,6 +222,8 @@ def _sought(
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     learns = options.noise in ("output", "coloured") and len(layout.outputs) * len(records) > 1
     spread = [_all_noisy(layout, v) for v in capped]
+    own = levels is not None and any([too_short(rec.t.size, order) for rec in records])
+    blurred = seen is not None or own  # levels that residuals cannot be judged by
 
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
         shown = seen if levels is None else list(levels)
@@ -219,7 +233,7 @@ def _sought(
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))
         ]
         _refuse_not_finite(layout, rows)
-        return _of_found(made.core.fit(rows), structure, made, options, records, seen is not None, again)
+        return _of_found(made.core.fit(rows), structure, made, options, records, blurred, again)
 
     outputs = [y for _, y, _, _ in filled]
     quiet = learns and _quiet(records, order)
@@ -265,10 +279,14 @@ def _of_found(
     # Where levels do not matter the core makes do with ones.
     even = all([rec.dt is not None and rec.sigma is None for rec in records])
     told = even or layout.formulas.needs_levels or isinstance(options.noise, Noise)
+    if seen and even and all([rec.mask is None for rec in records]):
+        told = False  # records too short to see levels in: theirs are those of the residuals
     driven = "process_levels" in found  # one level of each kind for all records, some of which may be 0
     coloured = options.noise == "coloured"
     cost = found["cost"] * (known[0] ** 2 if levels.shape[1] == 1 and not driven else 1.0)
     over = np.ones_like(own) if driven else own / known
+    # Noise inside the system has a spectrum that its levels tell.
+    found = found if driven else at_least_white(found)
     noise = np.outer(known, known) * np.mean(_correlations(found, len(known)), axis=0) * found["scale"]
     return EquationFit.of_core(
         found | {"cost": cost, "noise": noise, "record_levels": over},

@@ -30,8 +30,10 @@ SETTLED = 0.02  # of a standard error: the last step
 SAME = 1e-7  # of the parameters: the same without noise
 NEARBY = 0.2  # standard errors: between estimates that show how one round follows from the one before
 SLOWEST = 6  # samples per period of the last line of a wider band, by the mean step
-ABOVE = 1.5  # times the level of the high band: residuals in which sums over uneven samples may err
-FEWER = (0.75, 0.5)  # of the default band
+ABOVE = 1.5  # times the level of the high band: residuals where sums over samples err, or the search
+ASTRAY = 0.25  # of the noise level: eight to thirteen times less was left by fits that went right
+FINE = 8  # samples per period of the last line that the rule takes of more than 128 even samples
+FEWER = (0.75, 0.6, 0.5)  # of the default band
 LARGE = 1 << 21  # lines times samples, for which matrices of both take too long
 
 Refit = Callable[[tuple[Record, ...], Options], Fit]
@@ -82,25 +84,38 @@ def equations_on_fewer_lines(fit: EquationFit, refit: Equations) -> EquationFit:
 
     Polynomials through uneven samples err the more the higher the line is, and nonlinear signals carry that
     into all equations. The default band cannot see where, as the noise level is unknown at uneven times.
+    Of few even samples it ends where noise prevails, and a search over all its lines may end where the
+    equations have no sense, as S' = -V*S/(K + S) at K = -3.
     """
-    records = fit.records or ()
-    if fit.band_rule is None or not fit.usable or not any([rec.dt is None for rec in records]):
+    records, rule = fit.records or (), fit.band_rule
+    if rule is None or not fit.usable:
+        return fit
+    uneven = any([rec.dt is None for rec in records])
+    pairs = zip(records, fit.lines, strict=True)
+    if not uneven and all([last <= rec.intervals / FINE for rec, (_, last) in pairs]):
         return fit
     with np.errstate(divide="ignore", invalid="ignore"):
         above = np.sqrt(np.diag(fit.noise_cov)) / np.mean(fit.seen[:, : len(fit.outputs)], axis=0)
     if not np.any(above > ABOVE):
         return fit
-    least, best = _misses(fit), fit
+    # To integrate equations where a search has gone astray takes seconds.
+    measure, least = (_misses, _misses(fit)) if uneven else (_level, ASTRAY * _level(fit))
+    best = fit
     for part in FEWER:
         try:
             other = refit(records, fit.structure, on_band(fit, (fit.band[0], part * fit.band[1])), fit.again)
         except ModfunError:  # fewer lines than unknowns
             continue
-        if other.success and other.df_resid >= ENOUGH and (left := _misses(other)) < least:
+        if other.success and other.df_resid >= ENOUGH and (left := measure(other)) < least:
             least, best = left, other
     if best is fit:
         return fit
-    return replace(best, options=fit.options, band_rule=fit.band_rule | {"narrowed": 1.0})
+    return replace(best, options=fit.options, band_rule=rule | {"narrowed": 1.0})
+
+
+def _level(fit: Fit) -> float:
+    """Noise level of the outputs, their geometric mean."""
+    return float(np.exp(np.mean(np.log(np.diag(fit.noise_cov))) / 2))
 
 
 def _settled(fit: Fit, options: Options, refit: Refit) -> Fit | None:

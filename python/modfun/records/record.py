@@ -334,8 +334,9 @@ class Record(Samples):
         With q = order + 2, the variance is N·mean|Δ^q V(m)|²/C(2q, q) over the upper half of the
         harmonics; the difference removes what the ends of the record leak there. Right for white noise
         only: on filtered records it is too low, and so it is where many samples are masked, since the
-        lines between their neighbours carry little noise. Of uneven samples it is what each is
-        beside the polynomials through two and through three neighbours on each side, whichever is less.
+        lines between their neighbours carry little noise. Of uneven samples, and of fewer than 23 at
+        order 1 or 27 at order 2, it is what each is beside the polynomials through two and through
+        three neighbours on each side, whichever is less.
 
         Parameters
         ----------

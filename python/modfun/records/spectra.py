@@ -13,11 +13,12 @@ from ..base.tables import Table
 from ..signals.spectrum import Spectrum
 from .samples import Samples
 
-__all__ = ["high_band_level", "noise_table", "spectrum_of"]
+__all__ = ["high_band_level", "noise_table", "spectrum_of", "too_short"]
 
 NEIGHBOURS = (2, 3)  # on each side of a sample; what is smaller holds less of a fast signal
 MEDIAN = 0.4549364231195727  # of chi-square with one degree of freedom
 LARGE, CLIPPED = 9.0, 0.99501  # beyond which one counts no more, and its mean then
+LINES = 4  # that a level is the mean over, at least
 ENOUGH = 20_000  # samples that are looked at
 
 
@@ -72,11 +73,17 @@ def _beside_neighbours(t: F64, rows: F64, count: int) -> F64:
     return np.asarray(np.sqrt(np.mean(np.minimum(squares, most), axis=1) / CLIPPED))
 
 
+def too_short(samples: int, order: int) -> bool:
+    """Whether so many even samples leave too few lines for a level (rust/core/noise_level.rs)."""
+    return samples < 4 * (order + 2 + LINES) - 5
+
+
 def noise_table(record: Samples, order: int) -> Table:
     """Return what `Record.noise_level` promises."""
     both = np.ascontiguousarray(np.concatenate((record.y, record.u)))
     order = whole("noise_level", "order", order, 1, 100)
-    if record.dt is None:
+    few = too_short(record.t.size, order) and record.t.size > 2 * max(NEIGHBOURS)
+    if record.dt is None or few:
         level = np.min([_beside_neighbours(record.t, both, count) for count in NEIGHBOURS], axis=0)
     else:
         level = np.asarray(noise_level(both, order))

@@ -24,7 +24,7 @@ from .cures import (
     with_drift,
 )
 from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
-from .doubts import SURE, Doubt, noise_free, numbers
+from .doubts import SURE, Doubt, crowded, noise_free, numbers
 from .driven_equations import driven
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
@@ -141,7 +141,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
     if too_large(d.chi2_p) and not any(DRIVES in doubt.text for doubt, _ in said):
         alone = not explained and not any(doubt.sure for doubt, _ in said)
         found.append(_too_large(fit, d, alone=alone, sure_only=sure_only))
-    elif fit.success and too_small(d.chi2_p, d.level_ratio):
+    elif fit.success and too_small(d.chi2_p, d.level_ratio) and not crowded(fit):
         found.append(
             Doubt(
                 f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at "

@@ -15,6 +15,7 @@ from ..base.student import root, student_p
 from ..base.tables import Findings, Table
 from ..errors import SpecError
 from ..models.noise import Noise
+from ..records.spectra import too_short
 from .band_end import end_in_words
 from .diagnosis import level_p, level_ratio
 from .doubts import numbers, still_held
@@ -196,7 +197,7 @@ def _band(fit: Estimates) -> str:
             f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "
             f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}"
             f"{end_in_words(fit)}{'; widened for the noise level' if 'widened' in rule else ''}"
-            f"{'; narrowed, as sums over uneven samples err beyond' if 'narrowed' in rule else ''}"
+            f"{_why_narrowed(fit) if 'narrowed' in rule else ''}"
         )
     if fit.options.band is not None:
         return f"{text}: given as band"
@@ -208,6 +209,12 @@ def _band(fit: Estimates) -> str:
         samples = "16/3 samples a period, to tell noise of both kinds apart"
         return f"{text}: down to {samples if fit.options.drives else 'eight samples a period'}"
     return f"{text}: M = 3 times the number of unknowns"
+
+
+def _why_narrowed(fit: Estimates) -> str:
+    uneven = any([step is None for step in fit.steps])
+    what = "sums over uneven samples err" if uneven else "the search goes astray"
+    return f"; narrowed, as {what} beyond"
 
 
 def _noise(fit: Estimates) -> str:
@@ -259,6 +266,8 @@ def _no_level(fit: Estimates) -> str:
         return "records with a mask or a sigma show no level in an unused band"
     if any(rec.dt is None for rec in fit.records):
         return "uneven samples show no level in an unused band"
+    if any(too_short(rec.t.size, max(fit.layout.orders)) for rec in fit.records):
+        return "so few samples leave no band that shows the noise"
     if not fit.layout.rational:
         return "these equations need no level of noise; give one, noise=mf.Noise(y=...)"
     return "the lines used leave no band that shows the noise"

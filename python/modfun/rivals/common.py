@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,20 @@ from ..models.transfer_function import TransferFunction
 from ..records.mask import refuse_own_noise
 from ..records.record import Record
 
-__all__ = ["HUGE", "check", "check_record", "joined", "least_squares"]
+__all__ = ["HUGE", "Found", "check", "check_record", "joined", "least_squares"]
 
 HUGE = 1e100  # stands for an overflowed residual: refused by the step control, harmless to its sums
+
+
+class Found(dict[str, float]):
+    """Parameters by name, which know their standard errors: `bse`, by the same names."""
+
+    def __init__(self, params: Mapping[str, float], bse: Mapping[str, float]) -> None:
+        super().__init__(params)
+        self.bse = dict(bse)
+
+    def __repr__(self) -> str:
+        return f"{{{', '.join(f'{n!r}: {value:.5g} ± {self.bse[n]:.2g}' for n, value in self.items())}}}"
 
 
 def least_squares(output: Any, x: F64, y: F64, maxiter: int, what: str) -> F64:

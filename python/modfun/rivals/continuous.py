@@ -22,7 +22,7 @@ from ..records.record import Record
 from ..responses.coefficients import regressors
 from ..systems.polynomials import roots, time_unit
 from ..systems.propagate import Inputs
-from .common import check, check_record, joined, least_squares
+from .common import Found, check, check_record, joined, least_squares
 from .likelihood import OutputErrorFit, most_likely
 
 __all__ = ["OutputError", "output_error"]
@@ -132,8 +132,11 @@ class OutputError:
         """What tables call it."""
         return "output error" if self.initial_state == "free" else "output error (from rest)"
 
-    def __call__(self, rec: Record | Sequence[Record], rng: Any = None) -> dict[str, float]:
-        """Estimate the parameters from a record or several; raises FitError where that fails."""
+    def __call__(self, rec: Record | Sequence[Record], rng: Any = None) -> Found:
+        """Estimate the parameters from a record or several; raises FitError where that fails.
+
+        The answer is a dict that has standard errors beside it, ``estimate(rec).bse["a1"]``, for white noise.
+        """
         model = self.model
         if (
             isinstance(model, TransferFunction)
@@ -142,7 +145,8 @@ class OutputError:
             and not (model.params or isinstance(model.delay, Free))
         ):
             return self._plain(rec, model)
-        return self.solve(rec).params
+        solved = self.solve(rec)
+        return Found(solved.params, solved.bse)
 
     def solve(self, rec: Record | Sequence[Record]) -> OutputErrorFit:
         """Parameters with standard errors, covariances of residuals, initial states and trends.
@@ -164,7 +168,7 @@ class OutputError:
         free = self.initial_state == "free"
         return most_likely(self.model, records, free, self.trend, self.start, self.maxiter)
 
-    def _plain(self, rec: Record, model: TransferFunction) -> dict[str, float]:
+    def _plain(self, rec: Record, model: TransferFunction) -> Found:
         check_record(rec, model, self.name)
         layout = model.plain_layout(rec.inputs, self.name)
         names, degrees, delays = layout.param_names, layout.numerators[0], layout.delays(np.zeros(0))
@@ -189,7 +193,14 @@ class OutputError:
         # What enters linearly, numerators, transient and trend, starts at its best for these poles.
         x[n:] = scaled_lstsq(output(x)[1][n:].T, y)
         found = least_squares(output, x, y, self.maxiter, self.name)
-        return dict(zip(names, (found[:count] / engine.scale).tolist(), strict=True))
+        simulated, columns = output(found)
+        freedom = max(y.size - found.size, 1)
+        size = np.linalg.norm(columns, axis=1)
+        size[size == 0] = 1.0
+        root = np.linalg.pinv(columns.T / size, rcond=1e-13) / size[:, None]
+        bse = np.sqrt(np.sum((simulated - y) ** 2) / freedom * np.sum(root[:count] ** 2, axis=1))
+        values = [(one[:count] / engine.scale).tolist() for one in (found, bse)]
+        return Found(*[dict(zip(names, own, strict=True)) for own in values])
 
     def _start(self, rec: Record, model: TransferFunction, names: tuple[str, ...], extra: F64) -> F64:
         if self.start is not None:

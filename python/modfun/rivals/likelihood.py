@@ -11,6 +11,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,8 @@ FLOOR = 1e-8  # of an output's rms: what integration and rounding leave of a rec
 SETTLED = 1e-8  # a step that promises no more of −log likelihood has arrived: 1e-4 standard errors
 STUCK = 1e-3  # the same where no step, however short, is better: 3 % of a standard error
 MOST_DAMPED = 1e8
+PIECES = (4, 16, 64)  # of a record: 10 s of Lorenz's system, nine times the e-folding time, take 16
+SHORTEST = 20  # intervals of a piece, which has an initial state of its own
 
 WHAT = "output error"
 
@@ -61,6 +64,10 @@ class OutputErrorFit:
         Outputs of each record.
     nit : int
         Steps tried.
+    pieces : int
+        Into how many pieces each record was cut, with an initial state each: more than one where nonlinear
+        equations led to no estimate over whole records, as those of chaos do. Covariances are then means
+        over the pieces, initial states those of the first.
 
     See Also
     --------
@@ -89,6 +96,7 @@ class OutputErrorFit:
     trends: tuple[F64, ...]
     simulated: tuple[F64, ...]
     nit: int
+    pieces: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +125,6 @@ class _Problem:
             for rec in records:
                 model.simulated(rec.outputs, rec.inputs)  # refuses what does not go together
             self.names = tuple(model.simulated().parameters)
-            held = {name for name, given in model.params if not isinstance(given, Free)}
-            if lost := set(model.all_parameters) - held - set(self.names):
-                raise SpecError(
-                    f"{WHAT}: {joined(lost)} cannot be found from these outputs; hold them, params="
-                )
             own = {"outputs": list(model.outputs), "inputs": list(model.inputs)}
             self.records = [rec.select(**own) for rec in records]
         bounds = {name: given for name, given in model.params if isinstance(given, Free)}
@@ -237,28 +240,55 @@ def most_likely(
     unknowns = len(problem.names)
     if (have := sum(rec.y.size for rec in problem.records)) < 2 * unknowns:
         raise DataError(f"{WHAT}: {have} samples for {unknowns} parameters; give longer records")
-    here = _started(problem, start)
-    here, nit = _search(problem, here, maxiter)
+    points = _starts(problem, start)
+    try:
+        return _found(problem, points, maxiter, 1)
+    except FitError:
+        # Over a long record the response of a chaotic system says nothing of its parameters.
+        cut = isinstance(model, Equation) and not model.linear and free and trend is None
+        for pieces in PIECES if cut else ():
+            parts = [part for rec in problem.records for part in _pieces(rec, pieces)]
+            if min(part.intervals for part in parts) < SHORTEST:
+                break
+            try:
+                return _found(_Problem(model, parts, free, trend), points, maxiter, pieces)
+            except FitError:
+                continue
+        raise
+
+
+def _pieces(rec: Record, count: int) -> list[Record]:
+    """The record in as many parts of about the same length, none of which shares a sample."""
+    ends = np.linspace(0, rec.t.size, count + 1).astype(int)
+    return [rec.window(rec.t[a], rec.t[b - 1]) for a, b in pairwise(ends.tolist())]
+
+
+def _found(problem: _Problem, points: Sequence[F64], maxiter: int, pieces: int) -> OutputErrorFit:
+    """The estimate from the best of these parameters; `pieces`: of each of the records it is asked of."""
+    here, nit = _search(problem, _started(problem, points), maxiter)
     jacobian, _ = problem.whitened(here)
     size = np.linalg.norm(jacobian, axis=0)
     size[size == 0] = 1.0
     root = np.linalg.pinv(jacobian / size, rcond=1e-13) / size[:, None]
+    unknowns = len(problem.names)
     bse = np.sqrt(np.sum(root**2, axis=1))[:unknowns]
     parts = problem.parts(here)
+    simulated = [rec.y - left for rec, left in zip(problem.records, here.residuals, strict=True)]
+    each = [slice(k, k + pieces) for k in range(0, len(parts), pieces)]
     return OutputErrorFit(
         dict(zip(problem.names, here.x[:unknowns].tolist(), strict=True)),
         dict(zip(problem.names, bse.tolist(), strict=True)),
-        tuple(here.covariances),
-        tuple(state for state, _ in parts),
-        tuple(offsets for _, offsets in parts),
-        tuple(rec.y - left for rec, left in zip(problem.records, here.residuals, strict=True)),
+        tuple([np.mean(here.covariances[own], axis=0) for own in each]),
+        tuple([parts[own.start][0] for own in each]),
+        tuple([parts[own.start][1] for own in each]),
+        tuple([np.hstack(simulated[own]) for own in each]),
         nit,
+        pieces,
     )
 
 
-def _started(problem: _Problem, start: Mapping[str, float] | None) -> _Point:
-    """The given point, or the better of the one-shot estimates, with its initial states and trends."""
-    points = []
+def _starts(problem: _Problem, start: Mapping[str, float] | None) -> list[F64]:
+    """The given parameters, or the one-shot estimates."""
     if start is not None:
         missing, more = set(problem.names) - set(start), set(start) - set(problem.names)
         if missing or more:
@@ -266,16 +296,21 @@ def _started(problem: _Problem, start: Mapping[str, float] | None) -> _Point:
             raise SpecError(
                 f"output_error: start= {said}; give {', '.join(problem.names)}, all and only these"
             )
-        points.append(reals("output_error", "start", [start[name] for name in problem.names]))
-    else:
-        joint = isinstance(problem.model, TransferFunction)  # several outputs have no one-shot estimate
-        for method in ("awls",) if joint else ("wls", "ls"):
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", ModfunWarning)  # of a start nothing need be said
-                    points.append(fit(problem.records, problem.model, method=method).params)
-            except (FitError, DataError):
-                continue
+        return [reals("output_error", "start", [start[name] for name in problem.names])]
+    points: list[F64] = []
+    joint = isinstance(problem.model, TransferFunction)  # several outputs have no one-shot estimate
+    for method in ("awls",) if joint else ("wls", "ls"):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ModfunWarning)  # of a start nothing need be said
+                points.append(fit(problem.records, problem.model, method=method).params)
+        except (FitError, DataError):
+            continue
+    return points
+
+
+def _started(problem: _Problem, points: Sequence[F64]) -> _Point:
+    """The best of these parameters, with its initial states and trends."""
     found = []
     for theta in points:
         try:

@@ -18,6 +18,7 @@ from ..base.named import Named
 from ..errors import SpecError
 from ..records.record import Record
 from ..results.fit import Fit
+from ..rivals.common import Found
 
 __all__ = [
     "Failed",
@@ -188,9 +189,13 @@ def parameters(answer: Any, names: tuple[str, ...], who: str) -> F64:
 def own_errors(answer: Any, names: tuple[str, ...]) -> tuple[F64, str]:
     """Standard errors that an estimator returned beside its parameters, as a1_se; nan where it did not.
 
+    Rivals' answers have them as an attribute, `bse`.
+
     With what is wrong with those that it returned, in words; "" where nothing is.
     """
     given = _by_name(answer) or {}
+    if isinstance(answer, Found):
+        given |= {f"{name}_se": se for name, se in answer.bse.items()}
     found = _real([given.get(f"{name}_se", np.nan) for name in names])
     if found is None or found.shape != (len(names),):
         found = np.full(len(names), np.nan)
