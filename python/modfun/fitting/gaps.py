@@ -106,10 +106,9 @@ def across(
     """
     if all(hidden is None for hidden in blinds):
         return fit
-    pieces = (
-        _around(fit, blinds) if fit.success else None
-    )  # each of many failed starts would ask for their fit
     linear = fit.layout.rational or fit.structure.linear
+    # Of other equations there are many starts, and each that fails would ask for starts of the pieces.
+    pieces = _around(fit, blinds) if linear or fit.success else None
     if pieces is not None and not linear and _part(pieces.records, fit.records) >= MOST:
         return _between(fit, pieces, outputs, blinds, refit)  # type: ignore[no-any-return]
     found = [_settled(fit, outputs, blinds, refit)]

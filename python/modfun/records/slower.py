@@ -22,7 +22,8 @@ PART = 0.5  # of the samples on a grid that show a change or an angle, at least;
 LEAST, CHANCE = 10, 1e-6  # changes, at least, and how likely others would all be on one grid
 CLOCKED = 20  # new values, at least: as many on one line are no chance
 CLOSE = 0.01  # between the steps of an output and of an input that it follows
-REGULAR, JITTER = 0.9, 1.0  # of the steps that are usual ones; samples that a new value is off its time
+SELDOM = 1.25  # samples, from one new value to the next: those that clip, or tops of curves, repeat less
+REGULAR, JITTER = 0.9, 1.0  # of the time, in usual steps; samples that a new value is off its time
 BRIDGED = 6  # samples from one that counts to the next, at most, of which a mask makes good estimates
 ROWS, LAGS, EXACT = 1000, 64, 1e-6  # samples, last inputs, part of the rms: an output that inputs explain
 
@@ -55,7 +56,8 @@ def own_clock(values: F64, good: Mask | None = None) -> float:
     usual = lengths[lengths <= k + 1]
     sizes = np.abs(np.diff(values)[at - 1])
     rounded = sizes.mean() <= UNITS * sizes.min()
-    if not k < usual.mean() < k + 1 or usual.size < REGULAR * lengths.size or k > SLOWEST or rounded:
+    between = max(k, SELDOM) < usual.mean() < k + 1
+    if not between or usual.sum() < REGULAR * lengths.sum() or k > SLOWEST or rounded:
         return 0.0
     # Of each longer one, as many ticks as fit in it.
     ticks = np.concatenate([[0.0], np.cumsum(np.rint(lengths / usual.mean()))])
