@@ -107,8 +107,7 @@ def across(
     if all(hidden is None for hidden in blinds):
         return fit
     linear = fit.layout.rational or fit.structure.linear
-    # Of other equations there are many starts, and each that fails would ask for starts of the pieces.
-    pieces = _around(fit, blinds) if linear or fit.success else None
+    pieces = _around(fit, blinds)
     if pieces is not None and not linear and _part(pieces.records, fit.records) >= MOST:
         return _between(fit, pieces, outputs, blinds, refit)  # type: ignore[no-any-return]
     found = [_settled(fit, outputs, blinds, refit)]
@@ -178,7 +177,7 @@ def _around(fit: Any, blinds: Sequence[Any]) -> Any:
     pieces = []
     for rec, hidden in zip(fit.records, blinds, strict=True):
         counts = _counting(rec)
-        lost = np.array([_lost(good) for good in counts]) & (hidden is not None)
+        lost = np.array([_lost(good, ends=False) for good in counts]) & (hidden is not None)
         edges = np.flatnonzero(np.diff(~lost.any(axis=0), prepend=False, append=False)).reshape(-1, 2)
         for a, b in edges:
             whole = a + np.flatnonzero(counts[:, a:b].all(axis=0))  # nothing is beyond these to lead a curve
@@ -237,10 +236,11 @@ def relative(variance: F64) -> F64:
     return np.asarray(np.minimum(variance / usual, IGNORED))
 
 
-def _lost(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _lost(good: NDArray[np.bool_], ends: bool = True) -> NDArray[np.bool_]:
     """Samples in gaps of which nothing is known: of more than `FAR`, and longer than those beside them.
 
     A channel slower than its record has gaps all along, and a polynomial through its samples is sound.
+    `ends`: with those before the first and behind the last of its samples, where it leads nowhere.
     """
     known, found = np.flatnonzero(good), np.zeros(good.size, bool)
     count = min(FAR, known.size)
@@ -250,7 +250,7 @@ def _lost(good: NDArray[np.bool_]) -> NDArray[np.bool_]:
         at = int(np.searchsorted(known, begin))
         first = min(max(at - count // 2, 0), known.size - count)
         usual = float(np.median(np.diff(known[first : first + count])))
-        found[begin : begin + length] = length > REGULAR * usual or at in (0, known.size)
+        found[begin : begin + length] = length > REGULAR * usual or (ends and at in (0, known.size))
     return found
 
 
