@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from .._core import noise_level
 from ..base.arrays import F64
 from ..errors import DataError, ModfunError
+from ..records.mask import runs
 from ..records.record import Record
 from ..results.cures import again, on_band
 from ..results.estimates import COVARIANCES
@@ -29,6 +30,7 @@ ROUNDS, SETTLED = 8, 0.1  # of fits with simulated values in gaps; a move in sta
 MOST = 0.7  # of the samples that count: in pieces between gaps
 SHORTEST = 16  # samples that count between gaps: a record of their own
 ASTRAY = 10.0  # times the largest sample: a simulation beyond it fills no gap
+REGULAR = 1.5  # times the steps between the samples beside it: a gap that is longer is no part of a rhythm
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
 
@@ -36,8 +38,8 @@ def bridged(rec: Record) -> tuple[F64, F64, F64]:
     """Outputs with masked samples interpolated, how far each may be off, and the noise in each.
 
     A polynomial through the `FAR` nearest good samples bridges a gap; the difference from that through the
-    `NEAR` nearest ones is treated as its error. Of a gap of more than `FAR` samples nothing is known:
-    inputs may have moved in it.
+    `NEAR` nearest ones is treated as its error. Of a gap of more than `FAR` samples nothing is known, as
+    inputs may have moved in it, unless all gaps there are as long.
 
     Returns
     -------
@@ -70,7 +72,7 @@ def bridged(rec: Record) -> tuple[F64, F64, F64]:
         begins = np.flatnonzero(np.diff(gaps, prepend=-2) > 1)
         lengths = np.diff(begins, append=gaps.size)
         off[i, gaps] = np.abs(y[i, gaps] - first) * np.sqrt(np.repeat(lengths, lengths))
-        off[i, gaps[np.repeat(lengths > FAR, lengths)]] = np.inf
+        off[i, _lost(good)] = np.inf
         # A sum over the record counts each sample 1 + c times, c the sum of its weights in a gap's samples.
         own = np.sum(np.add.reduceat(weights, begins) ** 2, axis=1) if gaps.size else lengths
         noise[i, gaps] = np.repeat(1 + own / lengths, lengths)
@@ -104,8 +106,8 @@ def across(
     """
     if all(hidden is None for hidden in blinds):
         return fit
-    pieces = _around(fit, blinds)
     linear = fit.layout.rational or fit.structure.linear
+    pieces = _around(fit, blinds)
     if pieces is not None and not linear and _part(pieces.records, fit.records) >= MOST:
         return _between(fit, pieces, outputs, blinds, refit)  # type: ignore[no-any-return]
     found = [_settled(fit, outputs, blinds, refit)]
@@ -171,13 +173,20 @@ def _filled(fit: Any, outputs: Sequence[F64], blinds: Sequence[Any]) -> list[F64
 
 
 def _around(fit: Any, blinds: Sequence[Any]) -> Any:
-    """The fit of what lies around the gaps, as records of their own; None where there is none."""
+    """The fit of what lies around lost gaps, as records of their own; None where there is none."""
     pieces = []
     for rec, hidden in zip(fit.records, blinds, strict=True):
-        seen = np.ones(rec.t.size, bool) if hidden is None else ~hidden.any(axis=0)
-        edges = np.flatnonzero(np.diff(seen, prepend=False, append=False)).reshape(-1, 2)
-        long = [(a, b) for a, b in edges if _counting(rec)[:, a:b].sum(axis=1).min() >= SHORTEST]
-        pieces += [rec.window(rec.t[a], rec.t[b - 1]) for a, b in long]
+        counts = _counting(rec)
+        lost = np.array([_lost(good, ends=False) for good in counts]) & (hidden is not None)
+        edges = np.flatnonzero(np.diff(~lost.any(axis=0), prepend=False, append=False)).reshape(-1, 2)
+        for a, b in edges:
+            whole = a + np.flatnonzero(counts[:, a:b].all(axis=0))  # nothing is beyond these to lead a curve
+            if lost.any() and whole.size:
+                a, b = whole[0], whole[-1] + 1
+            if counts[:, a:b].sum(axis=1).min() >= SHORTEST:
+                pieces.append(rec.window(rec.t[a], rec.t[b - 1]))
+    if sum(map(len, (piece.t for piece in pieces))) == sum(rec.t.size for rec in fit.records):
+        return None  # no gap is to be left out
     if not pieces or fit.again is None:
         return None
     options = on_band(fit, fit.band) if fit.usable else fit.options
@@ -225,6 +234,24 @@ def relative(variance: F64) -> F64:
     """Variances of samples over the median of their channel; what tells nothing has a large one."""
     usual = np.array([np.median(row[np.isfinite(row)]) for row in variance])[:, None]
     return np.asarray(np.minimum(variance / usual, IGNORED))
+
+
+def _lost(good: NDArray[np.bool_], ends: bool = True) -> NDArray[np.bool_]:
+    """Samples in gaps of which nothing is known: of more than `FAR`, and longer than those beside them.
+
+    A channel slower than its record has gaps all along, and a polynomial through its samples is sound.
+    `ends`: with those before the first and behind the last of its samples, where it leads nowhere.
+    """
+    known, found = np.flatnonzero(good), np.zeros(good.size, bool)
+    count = min(FAR, known.size)
+    for begin, length in zip(*runs(~good), strict=True):
+        if length <= FAR:
+            continue
+        at = int(np.searchsorted(known, begin))
+        first = min(max(at - count // 2, 0), known.size - count)
+        usual = float(np.median(np.diff(known[first : first + count])))
+        found[begin : begin + length] = length > REGULAR * usual or (ends and at in (0, known.size))
+    return found
 
 
 def _through(t: F64, y: F64, known: NDArray[np.intp], gaps: NDArray[np.intp], count: int) -> tuple[F64, F64]:

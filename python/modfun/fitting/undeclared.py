@@ -27,6 +27,8 @@ from ..results.feedback import feedback
 from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
 from ..results.undeclared import POSITIVE
+from .by_samples import lower_by_samples
+from .gaps import hides_much
 
 __all__ = [
     "OTHER",
@@ -305,11 +307,21 @@ def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:
     """By how much others lower BIC; nan where one has no answer, or is unstable where the fit is not."""
     pairs = zip(fits, others, strict=True)
     return sum(
-        bic_beside(fit, fit) - bic_beside(other, fit)
+        _lower(fit, other)
         if fit is not None and other is not None and not growth(other) > 0 >= growth(fit)
         else nan
         for fit, other in pairs
     )
+
+
+def _lower(fit: Fit, other: Fit) -> float:
+    """By how much another reading lowers BIC: that of samples where lines hold much that none measured."""
+    if not any(map(hides_much, fit.records or ())):
+        return bic_beside(fit, fit) - bic_beside(other, fit)
+    try:
+        return lower_by_samples(fit, other)
+    except ModfunError:  # the response of one runs away
+        return nan
 
 
 def _apart(fits: Sequence[Fit], others: Sequence[Fit | None]) -> bool:

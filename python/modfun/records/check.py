@@ -33,6 +33,7 @@ __all__ = [
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
 SAID = 3  # times
+RESTS = 10  # equal samples of an input: as many are a rest
 SLOW = 10  # s: times without a unit and shorter steps are taken as seconds in silence
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
@@ -359,11 +360,12 @@ def _stale(record: Samples, name: str) -> Iterator[str]:
     inside = (np.diff(values) == 0) & (values[1:] != values.max()) & (values[1:] != values.min())
     inside &= good[1:] & good[:-1]
     starts, lengths = runs(inside)
-    if inside.mean() > 0.2 or (lengths.size and lengths.max() >= max(10, 0.05 * len(values))):
-        worst = int(np.argmax(lengths))
+    longest = int(lengths.max(initial=0))
+    rests = name in record.inputs and longest >= RESTS  # after a manoeuvre
+    if not rests and (inside.mean() > 0.2 or longest >= max(10, 0.05 * len(values))):
         yield (
             f"{_kind(record, name)} {name!r}: {100 * inside.mean():.0f} % of its samples repeat the one "
-            f"before, {int(lengths[worst]) + 1} equal ones from t = {record.t[starts[worst]]:g} s; stale, "
+            f"before, {longest + 1} equal ones from t = {record.t[starts[np.argmax(lengths)]]:g} s; stale, "
             "held or coarsely rounded samples?"
         )
 

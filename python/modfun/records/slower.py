@@ -13,13 +13,17 @@ from ..base.between import SAME, UNITS
 from .mask import Mask, leaving_out
 from .samples import Samples
 
-__all__ = ["drawn", "held", "ordinal", "slow_samples"]
+__all__ = ["drawn", "held", "ordinal", "own_clock", "slow_samples"]
 
 LEVELS, STAYS = 3, 3  # values of a command, at most; samples that it stays at one, at least
 FIRST, CHUNK = 32, 4096  # samples that are looked at together: of most records, the first few tell
 SLOWEST = 50  # samples, at most, from one measured value to the next
 PART = 0.5  # of the samples on a grid that show a change or an angle, at least; of those off it that count
 LEAST, CHANCE = 10, 1e-6  # changes, at least, and how likely others would all be on one grid
+CLOCKED = 20  # new values, at least: as many on one line are no chance
+CLOSE = 0.01  # between the steps of an output and of an input that it follows
+SELDOM = 1.25  # samples, from one new value to the next: those that clip, or tops of curves, repeat less
+REGULAR, JITTER = 0.9, 1.0  # of the time, in usual steps; samples that a new value is off its time
 BRIDGED = 6  # samples from one that counts to the next, at most, of which a mask makes good estimates
 ROWS, LAGS, EXACT = 1000, 64, 1e-6  # samples, last inputs, part of the rms: an output that inputs explain
 
@@ -32,6 +36,33 @@ def held(values: F64, good: Mask | None = None) -> tuple[int, int]:
 def drawn(values: F64, good: Mask | None = None) -> tuple[int, int]:
     """The same of values between which lines were drawn."""
     return _grid(values, good, 2)
+
+
+def own_clock(values: F64, good: Mask | None = None) -> float:
+    """How many samples lie from one new value to the next of a slower clock on no grid of them; 0 if none.
+
+    Its values go on for `k` or `k + 1` samples, and their times stay beside a straight line. Rounded values
+    that happen to be equal go on for longer now and then.
+    """
+    least = SAME * float(np.ptp(values))
+    if np.all(np.abs(np.diff(values[:FIRST])) > least):
+        return 0.0
+    moved = np.abs(np.diff(values)) > least
+    at = 1 + np.flatnonzero(moved if good is None else moved & _whole(good, 1))
+    if at.size < CLOCKED:
+        return 0.0
+    lengths = np.diff(at)
+    k = int(lengths.min())
+    usual = lengths[lengths <= k + 1]
+    sizes = np.abs(np.diff(values)[at - 1])
+    rounded = sizes.mean() <= UNITS * sizes.min()
+    between = max(k, SELDOM) < usual.mean() < k + 1
+    if not between or usual.sum() < REGULAR * lengths.sum() or k > SLOWEST or rounded:
+        return 0.0
+    # Of each longer one, as many ticks as fit in it.
+    ticks = np.concatenate([[0.0], np.cumsum(np.rint(lengths / usual.mean()))])
+    apart, begin = np.polyfit(ticks, at, 1)
+    return float(apart) if np.max(np.abs(at - begin - apart * ticks)) <= JITTER else 0.0
 
 
 def _grid(values: F64, good: Mask | None, order: int) -> tuple[int, int]:
@@ -90,6 +121,15 @@ def slow_samples(record: Samples, name: str) -> Iterator[str]:
     if step == 1:
         step, first = drawn(record[name], good)
         seen = "consists of straight lines between every {} sample, as of a slower record"
+    apart = own_clock(record[name], good) if step == 1 else 0.0
+    if apart and not any(abs(own_clock(record[u]) - apart) < CLOSE * apart for u in record.inputs):
+        k = int(apart)
+        yield (
+            f"Output {name!r} has a new value only every {k} to {k + 1} samples ({apart:.4g} on average) and "
+            "repeats it, as a sensor with a clock of its own does: the samples between are no measurements. "
+            f"First {leaving_out(record, name, f'np.r_[True, np.diff(rec[{name!r}]) != 0]')}."
+        )
+        return
     if step == 1 or _explained(record, name, step, first):
         return
     yield (

@@ -321,15 +321,15 @@ class _Search:
     def _polynomial(self, length: int, extra: int) -> F64:
         """Values and slopes of measured outputs at the first sample, nan for the rest."""
         x = np.full(len(self.model.states), np.nan)
-        t = self.rec.t[:length] - self.rec.t[0]
+        t = self.rec.t - self.rec.t[0]
         for name, y, weight in zip(self.rec.outputs, self.rec.y, self.own, strict=True):
             order = sum(s.rstrip("'") == name for s in self.model.states)
-            own = weight[:length] > 0
-            count = int(np.count_nonzero(own))
-            if not count:
+            first = np.flatnonzero(weight)  # where few samples count, some beyond these
+            first = first[: max(int(np.searchsorted(first, length)), 1 + order)]
+            if not first.size:
                 continue
-            degree = min(order + extra, max(count // 3, 1), count - 1)
-            found = np.polynomial.Polynomial.fit(t[own], y[:length][own], degree, w=weight[:length][own])
+            degree = min(order + extra, max(first.size // 3, 1), first.size - 1)
+            found = np.polynomial.Polynomial.fit(t[first], y[first], degree, w=weight[first])
             for k in range(order):
                 slope = found.deriv(k) if k else found
                 x[self.model.states.index(name + "'" * k)] = slope(0.0)
