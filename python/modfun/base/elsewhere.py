@@ -43,6 +43,7 @@ STUDY: Mapping[str, str] = {
     **dict.fromkeys(("estimates", "params"), "samples, kept by MonteCarlo.run(keep='samples')"),
     **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
     **dict.fromkeys(("std", "se", "stderr"), "sd"),
+    **dict.fromkeys(("save", "dump", "to_json"), "MonteCarlo.run(directory=), which mf.load reads again"),
 }
 RECORD: Mapping[str, str] = {
     **dict.fromkeys(("time", "times"), "t"),
@@ -79,6 +80,11 @@ PACKAGE: Mapping[str, str] = {
     **dict.fromkeys(("idfrd", "frd"), "mf.FrequencyResponse"),
     **dict.fromkeys(("oe", "pem", "arx", "armax", "n4sid"), "mf.fit, or mf.rivals"),
     **dict.fromkeys(("lsim", "sim"), "mf.simulate"),
+    "present": "print(fit.summary())",
+    "resid": "fit.check(), or fit.plot_residuals()",
+    **dict.fromkeys(("bode", "bodeplot"), "mf.plot.bode, or fit.bode()"),
+    **dict.fromkeys(("step", "stepplot", "impulse", "nyquist", "pzmap"), "mf.plot"),
+    "detrend": 'mf.fit(..., trend="constant")',
 }
 
 

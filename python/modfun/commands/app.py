@@ -23,6 +23,7 @@ from .words import (
     Json,
     band_of,
     command_line,
+    delay_of,
     one_or_all,
     poles_of,
     say,
@@ -42,7 +43,13 @@ reproduce = typer.Typer(no_args_is_help=True, help="Make published figures again
 app.add_typer(reproduce, name="reproduce")
 app.add_typer(mc, name="mc")
 
-Delay = Annotated[list[float] | None, typer.Option(help="Known delay in s; once, or one per input.")]
+Delay = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="SECONDS|[START:]MIN:MAX",
+        help="Delay in s: known, or to be estimated within bounds; once, or one per input.",
+    ),
+]
 Band = Annotated[str | None, typer.Option(help="Upper edge, or lower:upper, in rad/s.")]
 Harmonics = Annotated[int | None, typer.Option(help="Highest modulating index M instead of a band.")]
 Trend = Annotated[str, typer.Option(help="auto, none, constant or linear.")]
@@ -283,7 +290,7 @@ def order(
         data.records(),
         poles=poles_of(poles),
         zeros=zeros or "any",
-        delay=one_or_all(delay) or 0.0,
+        delay=one_or_all([delay_of(word) for word in delay or ()]) or 0.0,
         method=method,
         band=band_of(band),
         harmonics=harmonics,

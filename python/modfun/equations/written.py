@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from keyword import iskeyword
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
@@ -353,6 +354,10 @@ def channel_names(
         return numbered(letter, count) if not always else tuple(f"{letter}{k}" for k in range(1, count + 1))
     names = (given,) if isinstance(given, str) else tuple(given)
     for name in names:
+        if isinstance(name, str) and iskeyword(name):
+            raise SpecError(
+                f"{kind}: {what}= has {name!r}, a word of Python, which no signal may be called; take another"
+            )
         if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)) or name in RESERVED:
             raise SpecError(
                 f"{kind}: {what}= has {name!r}, which cannot be a signal's name: take letters, digits and _, "

@@ -30,7 +30,7 @@ CLOCK = re.compile(  # days (IRIG), hours, minutes, seconds, half of the day
 )
 DAY = 86400.0
 DATE = re.compile(  # ISO 8601, day.month.year or month/day/year: day, hours to seconds, fraction, half, zone
-    r"(\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.\d{4}|\d{1,2}/\d{1,2}/\d{4})"
+    r"(\d{4}-\d\d-\d\d|\d{1,2}\.\d{1,2}\.(?:\d{4}|\d\d)|\d{1,2}/\d{1,2}/(?:\d{4}|\d\d))"
     r"(?:[T ](\d{1,2}:\d\d(?::\d\d)?)(?:[.,](\d+))?\s*(?:([AaPp])[Mm]|(Z|z|[+-]\d\d(?::?\d\d)?))?)?"
 )
 GROUPED = re.compile(r"\s*[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?\s*")  # points as thousands marks
@@ -146,9 +146,9 @@ def _nanoseconds(text: str, day_first: bool = False) -> int | None:
         return None
     day, clock = found[1], found[2] or "00:00"
     if "." in day:
-        day = "-".join(f"{part:0>2}" for part in reversed(day.split(".")))
+        day = "-".join(f"{part:0>2}" for part in reversed(_long_year(day, ".")))
     if "/" in day:
-        one, other, year = (f"{part:0>2}" for part in day.split("/"))
+        one, other, year = (f"{part:0>2}" for part in _long_year(day, "/"))
         day = f"{year}-{other}-{one}" if day_first else f"{year}-{one}-{other}"
     hours, _, rest = clock.partition(":")
     hour = _hour(hours, found[4])
@@ -158,6 +158,12 @@ def _nanoseconds(text: str, day_first: bool = False) -> int | None:
         return None
     seconds = round((whole - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds())
     return seconds * 10**9 + int((found[3] or "")[:9].ljust(9, "0"))
+
+
+def _long_year(day: str, mark: str) -> list[str]:
+    """The parts of a date whose year is last; one of two digits lies in 1970 to 2069."""
+    *parts, year = day.split(mark)
+    return [*parts, year if len(year) == 4 else f"{'19' if year >= '70' else '20'}{year}"]
 
 
 def _with_points(text: str) -> str:

@@ -28,6 +28,7 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
     "tanh": (1, np.tanh),
     "exp": (1, np.exp),
     "log": (1, np.log),
+    "log10": (1, np.log10),
     "sqrt": (1, np.sqrt),
     "abs": (1, np.abs),
     "sign": (1, np.sign),

@@ -112,7 +112,7 @@ def spectrum(
 # Regressors --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Regressors:
     """The modulated regression target ≈ gamma @ theta, report, eqs. (14) to (18).
 
@@ -136,6 +136,12 @@ class Regressors:
     _s: C128
     _order: int
     _unit: float
+
+    def __repr__(self) -> str:
+        return (
+            f"Regressors(gamma {self.gamma.shape}, {', '.join(self.param_names)}; "
+            f"m = {self.index[0]} to {self.index[-1]})"
+        )
 
     def differenced(self, lines: C128) -> F64:
         """Rows of further terms, given on the lines 0 … M + n: (term, line) becomes (row, term)."""

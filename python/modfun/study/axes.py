@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,12 @@ class Axis:
             isinstance(label, str | int | float) and label in self.labels
         ):  # an array would be compared by entries
             return self.labels.index(label)
+        if isinstance(label, int | float):  # 0.1*3 is 0.3 to the reader
+            near = [
+                k for k, own in enumerate(self.labels) if isinstance(own, int | float) and isclose(own, label)
+            ]
+            if len(near) == 1:
+                return near[0]
         meant = next((own for own in self.labels if str(own) == str(label)), None)
         if meant is not None:
             kinds = ("a text", "a number") if isinstance(label, str) else ("a number", "a text")

@@ -126,7 +126,14 @@ def stamped(start, form, freq="1s", rows=30):
 
 @pytest.mark.parametrize("start", ["2024-03-05 11:59:50", "2024-03-15 23:59:50", "2024-05-03 23:59:50"])
 @pytest.mark.parametrize(
-    "form", ["%m/%d/%Y %I:%M:%S %p", "%m/%d/%Y %I:%M:%S.%f %p", "%d/%m/%Y %H:%M:%S", "%m/%d/%Y %H:%M:%S"]
+    "form",
+    [
+        "%m/%d/%Y %I:%M:%S %p",
+        "%m/%d/%Y %I:%M:%S.%f %p",
+        "%d/%m/%Y %H:%M:%S",
+        "%m/%d/%Y %H:%M:%S",
+        "%d.%m.%y %H:%M:%S",
+    ],
 )
 def test_dates_with_the_month_or_the_day_first(start, form):
     """They were refused as text; the order is that in which times increase and the record is short."""

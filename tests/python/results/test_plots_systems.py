@@ -103,6 +103,14 @@ def test_several_systems_are_told_apart_and_measured_phases_stand_on_their_branc
     assert np.nanmax(np.abs(first)) < 90.0  # at the lowest frequencies: no whole turns apart
 
 
+def test_a_lag_stands_on_its_own_branch_beside_one_with_a_delay() -> None:
+    late, alone = mf.tf([1], [1, 1], delay=8.0), mf.tf([1], [1, 1])
+    _, lower = mf.plot.bode(late, alone, band=(0.01, 10.0))
+    phases = [line.get_ydata() for line in lower.get_lines()]
+    assert phases[-1][0] == pytest.approx(-0.57, abs=0.1)
+    assert phases[-1][-1] == pytest.approx(-84.3, abs=0.1)  # -444.3 before
+
+
 def test_a_bode_plot_needs_two_axes() -> None:
     figure, ax = plt.subplots()
     with pytest.raises(mf.SpecError, match="a single Axes; give two, for magnitude and phase"):

@@ -121,3 +121,14 @@ def test_noise_in_per_cent_is_doubted() -> None:
     with pytest.warns(mf.ModfunWarning, match=f"simulate: {meant}") as caught:
         mf.simulate(kit.SYSTEM, input="sin(t)", duration=5.0, intervals=50, nsr=20)
     assert caught[0].filename == __file__
+
+
+def test_labels_are_found_within_rounding():
+    study = mf.MonteCarlo(
+        system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=64,
+        nsr=[0.1, 0.1 * 3], estimators=["ls"],
+    )  # fmt: skip
+    results = study.run(replicates=16, progress=False)
+    np.testing.assert_array_equal(results.sel(nsr=0.3).bias, results.bias[1:])
+    with pytest.raises(mf.SpecError, match=r"nsr=0.31 is not in the study"):
+        results.sel(nsr=0.31)

@@ -23,6 +23,7 @@ _CONSTANTS = {"pi": sympy.pi, "e": sympy.E}
 _BOOLEAN = (sympy.core.relational.Relational, sympy.logic.boolalg.BooleanAtom)
 _OWN: dict[str, Callable[..., Any]] = {
     "abs": sympy.Abs,
+    "log10": lambda x: sympy.log(x) / sympy.log(10),
     "step": lambda x: sympy.Heaviside(x, 1),
     "min": sympy.Min,
     "max": sympy.Max,
