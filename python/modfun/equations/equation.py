@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["Equation"]
 
 Basis = str | Callable[[Any], ArrayLike] | ArrayLike
+_EQUALS = re.compile(r"(?<![<>=])=(?!=)")
 _OUTPUT, _INPUT = re.compile(r"y\d*"), re.compile(r"u\d*")
 
 
@@ -43,12 +44,13 @@ class Equation(Written):
     Parameters
     ----------
     text : str or sequence of str
-        Such as ``"y'' + d*y' + a*y + b*y**3 = u"``. Derivatives are primes, on signals, on expressions
-        ``(y**2)'`` and on coefficients ``c(t)'``, or ``D(expression, order)``. ``t`` is time in s, ``pi`` the
-        number 3.14159…, never a parameter or a signal; Euler's number is ``exp(1)``, since ``e`` might be
-        either and is refused. ``y(t - h)`` is y delayed by h seconds, a number or a parameter; functions and
-        operators are those of input texts (`modfun.language.evaluate.evaluate`). Every other name is a
-        parameter. Text is parsed, never executed.
+        Such as ``"y'' + d*y' + a*y + b*y**3 = u"``; several as a list, or as lines of one text.
+        Derivatives are primes, on signals, on expressions ``(y**2)'`` and on coefficients ``c(t)'``, or
+        ``D(expression, order)``. ``t`` is time in s, ``pi`` the number 3.14159…, never a parameter or a
+        signal; Euler's number is ``exp(1)``, since ``e`` might be either and is refused. ``y(t - h)`` is
+        y delayed by h seconds, a number or a parameter; functions and operators are those of input texts
+        (`modfun.language.evaluate.evaluate`). Every other name is a parameter. Text is parsed, never
+        executed.
     outputs, inputs : sequence of str, optional
         Measured signals by their names. Default: y, y1, y2, … and u, u1, … as far as they occur; without a y,
         the output is the signal with primes, if there is one such. Outputs are noisy, inputs are known.
@@ -103,7 +105,7 @@ class Equation(Written):
     ) -> None:
         if not isinstance(text, str | Sequence):
             raise SpecError(f'Equation: {text!r} is not an equation; write one as text, "y\' + a*y = b*u"')
-        texts = (text,) if isinstance(text, str) else tuple(text)
+        texts = _separate(text) if isinstance(text, str) else tuple(text)
         if not texts:
             raise SpecError('Equation: there is no equation; write one, as "y\' + a*y = b*u"')
         parsed = tuple(
@@ -370,6 +372,12 @@ def _spelt(names: Sequence[str]) -> tuple[str, str] | None:
         if "dt" in names and name.startswith("d") and name not in ("d", "dt"):
             return f"{name}/dt", name[1:]
     return None
+
+
+def _separate(text: str) -> tuple[str, ...]:
+    """The lines of a text that are equations, or the whole of it: one equation may go over several lines."""
+    lines = [line.strip() for line in re.split(r"[;\n]", text) if line.strip()]
+    return tuple(lines) if len(lines) > 1 and all(map(_EQUALS.search, lines)) else (text,)
 
 
 def _varying(given: Any) -> dict[str, tuple[Any, ...]]:
