@@ -376,7 +376,7 @@ def _spelt(names: Sequence[str]) -> tuple[str, str] | None:
 
 def _separate(text: str) -> tuple[str, ...]:
     """The lines of a text that are equations, or the whole of it: one equation may go over several lines."""
-    lines = [line.strip() for line in re.split(r"[;\n]", text) if line.strip()]
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     return tuple(lines) if len(lines) > 1 and all(map(_EQUALS.search, lines)) else (text,)
 
 

@@ -351,7 +351,7 @@ def test_d_alone_is_a_name() -> None:
         mf.Equation("s' = D(s, a) - q*s", outputs=["s"]).param_names()
 
 
-@pytest.mark.parametrize("mark", ["\n", ";", "\n\n    "])
+@pytest.mark.parametrize("mark", ["\n", "\n\n    "])
 def test_lines_of_one_text_are_equations(mark):
     lines = ["x' = a*x - b*x*z", "z' = -c*z + d*x*z"]
     assert mf.Equation(mark.join(lines), outputs=["x", "z"]) == mf.Equation(lines, outputs=["x", "z"])
