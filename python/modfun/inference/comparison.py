@@ -373,7 +373,10 @@ def _named(given: Any, what: str) -> dict[str, Any]:
             same = sum(name == label or name.startswith(f"{label} (") for name in named)
             named[f"{label} ({same + 1})" if same else label] = value
     else:
-        raise SpecError(f'{what}: give them by name, {what}({{"n=2": ...}}), or as a list')
+        raise SpecError(
+            f"{what}: what is compared comes first, and it is a {type(given).__name__}; give it by name, "
+            f'{what}({{"n=2": ...}}, ...), or as a list'
+        )
     if not named:
         raise SpecError(f"{what}: nothing was given")
     return named

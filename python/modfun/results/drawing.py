@@ -29,7 +29,7 @@ from .derived import gain_errors
 from .estimates import Estimates as Fit  # by the name that users know, which messages show
 from .scores import score
 
-__all__ = ["bode", "correlation", "poles", "response"]
+__all__ = ["bode", "correlation", "poles", "response", "word_of"]
 
 WIDE = 5.0  # inches of a panel in whose width a legend of four entries stands
 NUMBERS = 10  # parameters up to which correlations are written into their cells
@@ -188,7 +188,7 @@ def bode(
             )
     low, high = span(marks, band)
     omega = np.geomspace(low, high, 400)
-    named = labels or ([_word_of(system) for system in systems] if len(systems) > 1 else [""])
+    named = labels or ([word_of(system) for system in systems] if len(systems) > 1 else [""])
     for k, system in enumerate(systems):
         for curve in _curves(system, omega):
             words = (named[k], "" if grid else curve.path)
@@ -196,10 +196,10 @@ def bode(
     return (draw_bode_grid if grid else draw_bode)(curves, low, high, hz=hz, ax=ax)
 
 
-def _word_of(system: Any) -> str:
+def word_of(system: Any) -> str:
     """What a system is called beside others in a legend."""
     if isinstance(system, Fit):
-        return f"{system.order} poles"
+        return f"{system.order} pole{'s' * (system.order != 1)}"
     return "measured" if isinstance(system, FrequencyResponse) else "system"
 
 
@@ -263,7 +263,7 @@ def poles(*fits: Fit, labels: Sequence[str] | None = None, ax: Any = None) -> An
     drawn = 0
     for k, fit in enumerate(fits):
         fit.need_numbers("plot.poles")
-        named = labels[k] if labels is not None else _word_of(fit) if len(fits) > 1 else ""
+        named = labels[k] if labels is not None else word_of(fit) if len(fits) > 1 else ""
         for output, i in fit.denominators():
             name = " ".join(part for part in (named, output) if part)
             _poles_of_output(here, fit, i, f"C{drawn % 10}", name)

@@ -16,6 +16,7 @@ from ..models.transfer_function import system_of
 from ..systems.drawing import span
 from ..systems.lti import LTI
 from ..systems.making import linear
+from .drawing import word_of
 from .estimates import Estimates as Fit
 from .gradients import differences
 
@@ -197,7 +198,8 @@ def _known(systems: Sequence[Any], what: str, labels: Sequence[str] | None) -> l
                 f"plot.{what}: the systems have {found[0][1].shape} and {own.shape} outputs and inputs; draw "
                 "those of one size together"
             )
-        found.append((labels[k] if labels is not None else type(given).__name__, own, fit))
+        word = word_of(given) if len(systems) > 1 else type(given).__name__
+        found.append((labels[k] if labels is not None else word, own, fit))
     return found
 
 
