@@ -189,7 +189,9 @@ def fit_equation(
     if fit.success:
         found = as_written(positive(fit, sought_from), sought_from)
         # Far above the noise it may be a false minimum: Hill terms had such in one of four records.
-        lost = again is not None and level_ratio(found) > AWAY and not any(told)
+        lost = (
+            again is not None and level_ratio(found) > AWAY and not any([start is not None for start in told])
+        )
         return (restarted(sought_from, structure, layout, records, learns) or found) if lost else found
     if any([start is not None for start in told]):
         # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.

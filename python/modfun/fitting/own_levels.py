@@ -15,6 +15,7 @@ from ..results.of_equations import EquationFit
 
 __all__ = ["by_own_levels"]
 
+LEAST = 1e-9  # of an output: what a noise level is at least where samples follow a curve without noise
 ROUNDS = 8
 SETTLED = 0.05  # of a level: two per cent of a standard error hang on it
 
@@ -46,12 +47,15 @@ def by_own_levels(
     plain = all([rec.dt is not None and rec.mask is None and rec.sigma is None for rec in records])
     if not (short and plain and formulas.needs_levels and options.noise in ("output", "log-normal")):
         return None
-    levels = beside_neighbours(records, order, options)
+    least = LEAST * np.max([np.abs(rec.y).max(axis=1) for rec in records], axis=0)
+    if not least.all():
+        return None
+    levels = np.maximum(beside_neighbours(records, order, options), least).tolist()
     for _ in range(ROUNDS):
         fit = fitted(levels)
         if not fit.usable:
             break
-        own = np.sqrt(np.mean(fit.noise_levels**2, axis=0))
+        own = np.maximum(np.sqrt(np.mean(fit.noise_levels**2, axis=0)), least)
         done = bool(np.all(np.abs(own / levels - 1) < SETTLED))
         levels = own.tolist()
         if done:

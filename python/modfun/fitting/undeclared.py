@@ -319,8 +319,9 @@ def _lower(fit: Fit, other: Fit) -> float:
     if not any(map(hides_much, fit.records or ())):
         return bic_beside(fit, fit) - bic_beside(other, fit)
     try:
-        return lower_by_samples(fit, other)
-    except ModfunError:  # the response of one runs away
+        with np.errstate(all="ignore"):
+            return lower_by_samples(fit, other)
+    except (ModfunError, np.linalg.LinAlgError):  # the response of one runs away
         return nan
 
 

@@ -142,7 +142,7 @@ class Batch:
             "dt": positive(dt, "dt", "seconds"),
             "outputs": out_names,
             "inputs": in_names,
-            "intersample": _between(told, us),
+            "intersample": _between(told, us, ys),
             "_told": told,
         }.items():
             object.__setattr__(self, name, value)
@@ -194,12 +194,13 @@ class Batch:
         )
 
 
-def _between(words: Sequence[str], u: F64) -> tuple[str, ...]:
+def _between(words: Sequence[str], u: F64, y: F64) -> tuple[str, ...]:
     """Return one word an input; where the samples say it, a few replicates decide together."""
     if AUTO not in words:
         return tuple(words)
-    some = u[:: max(1, len(u) // LOOKED_AT)]
-    found = [decided(words, one)[0] for one in some]
+    each = slice(None, None, max(1, len(u) // LOOKED_AT))
+    some = u[each]
+    found = [decided(words, one, y=own)[0] for one, own in zip(some, y[: len(u)][each], strict=True)]
     return tuple(
         liveliest(said, rows)
         for said, rows in zip(zip(*found, strict=True), some.swapaxes(0, 1), strict=True)

@@ -126,7 +126,7 @@ def slow_samples(record: Samples, name: str) -> Iterator[str]:
         k = int(apart)
         yield (
             f"Output {name!r} has a new value only every {k} to {k + 1} samples ({apart:.4g} on average) and "
-            "repeats it, as a sensor with a clock of its own does: the samples between are no measurements. "
+            "repeats it, as a sensor with its own clock does: the samples between are no measurements. "
             f"First {leaving_out(record, name, f'np.r_[True, np.diff(rec[{name!r}]) != 0]')}."
         )
         return

@@ -438,17 +438,21 @@ def _likeliest_delay(
     return Free(min=low, max=high), mid
 
 
-def again(fit: Estimates, records: Any, structure: Any, options: Options) -> Estimates | None:
-    """The fit made again with other words; None where it has no answer."""
-    other = again_at_all(fit, records, structure, options)
+def again(
+    fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False
+) -> Estimates | None:
+    """The fit made again with other words; None where it has no answer. `near`: begun at the estimates."""
+    other = again_at_all(fit, records, structure, options, near=near)
     return other if other is not None and other.usable else None
 
 
-def again_at_all(fit: Estimates, records: Any, structure: Any, options: Options) -> Estimates | None:
+def again_at_all(
+    fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False
+) -> Estimates | None:
     """The same, also without an answer; None where it is refused."""
     made: Any = fit.again
     try:
-        return made(records, structure, options, **starts_beside(fit, structure))  # type: ignore[no-any-return]
+        return made(records, structure, options, **(starts_beside(fit, structure) if near else {}))  # type: ignore[no-any-return]
     except ModfunError:  # too many unknowns for the band, say
         return None
 

@@ -175,12 +175,14 @@ def repeated(fit: Estimates) -> Doubt | None:
 def few_samples(fit: Estimates) -> Doubt | None:
     """That the highest lines are sampled too slowly for the quadrature; held inputs need none.
 
-    Of a band that was given: the default rule goes there only where residuals stay at their level, for the
-    few lines of short records, whose residuals hold that error, or to tell kinds of noise apart.
+    Of a band that was given, or that methods without a rule take: the rule goes there only where residuals
+    stay at their level, for the few lines of short records, whose residuals hold that error, or to tell kinds
+    of noise apart.
     """
     samples, options = fewest_samples(fit), fit.options
     given = options.band is not None or options.harmonics is not None
-    if samples >= FEW_SAMPLES or fit.exact_lines or not given:
+    by_rule = fit.band_rule is not None or options.drives
+    if samples >= FEW_SAMPLES or fit.exact_lines or (by_rule and not given):
         return None
     return Doubt(
         f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "

@@ -20,9 +20,9 @@ def nothing_free(fit: Estimates) -> Doubt | None:
     held = {name: value for name, value in given.items() if not isinstance(value, Free)}
     if not held:
         return None
-    starts = ", ".join(f'"{name}": mf.Free({value:g})' for name, value in held.items())
+    starts = ", ".join(f'"{name}": mf.Free({value!r})' for name, value in held.items())
     return Doubt(
-        f"Nothing was estimated: params= holds every parameter ({listed(list(held))}) at a number, and the "
-        f"record contradicts these numbers (p = {level_p(fit):.2g}). A number in params= is held, a start "
-        f"value is mf.Free(...). If these are start values, give params={{{starts}}}."
+        f"Nothing was estimated: params= fixes every parameter ({listed(list(held))}), and the record "
+        f"contradicts these values (p = {level_p(fit):.2g}). A number in params= fixes a parameter; write a "
+        f"start value as mf.Free(...). If these are start values, give params={{{starts}}}."
     )

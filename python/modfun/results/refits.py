@@ -28,6 +28,8 @@ def starts_beside(fit: Estimates, structure: Any) -> dict[str, list[float]]:
     formulas = getattr(fit.layout, "formulas", None)
     if formulas is None or formulas.words["linear"] or not isinstance(structure, Equation):
         return {}
+    if not fit.usable:
+        return {}
     if any([f"(t - {EXTRA})" in text for text in structure.texts]):
         return {}
     own, told = dict(zip(fit.param_names, fit.params.tolist(), strict=True)), dict(structure.params)

@@ -247,12 +247,12 @@ def most_likely(
         # Over a long record the response of a chaotic system says nothing of its parameters.
         cut = isinstance(model, Equation) and not model.linear and free and trend is None
         for pieces in PIECES if cut else ():
-            parts = [part for rec in problem.records for part in _pieces(rec, pieces)]
-            if min(part.intervals for part in parts) < SHORTEST:
-                break
             try:
+                parts = [part for rec in problem.records for part in _pieces(rec, pieces)]
+                if min(part.intervals for part in parts) < SHORTEST:
+                    break
                 return _found(_Problem(model, parts, free, trend), points, maxiter, pieces)
-            except FitError:
+            except (FitError, DataError):  # a piece may have too few samples
                 continue
         raise
 

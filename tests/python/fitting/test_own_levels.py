@@ -53,3 +53,12 @@ def test_many_short_records_are_fitted_one_by_one():
     many = mf.fit_many([PELTS, PELTS], LOTKA)
     one = mf.fit(PELTS, LOTKA)
     np.testing.assert_allclose(many.params[0], one.params, rtol=1e-3)
+
+
+def test_short_outputs_without_noise_divide_by_no_level(recwarn):
+    straight = mf.Record(y=[np.linspace(1, 3, 20), np.linspace(5, 2, 20)], dt=1.0, outputs=["H", "L"])
+    assert np.isfinite(mf.fit(straight, LOTKA).params).all()
+    assert not [one for one in recwarn if issubclass(one.category, RuntimeWarning)]
+    still = mf.Record(y=[np.full(20, 3.0), np.full(20, 2.0)], dt=1.0, outputs=["H", "L"])
+    with pytest.warns(mf.ModfunWarning, match="cannot tell the parameters apart"):
+        assert mf.fit(still, LOTKA).status == "rank"

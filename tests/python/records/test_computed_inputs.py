@@ -72,3 +72,9 @@ def test_what_obeys_no_law_is_not_read_so():
     flown += [{"y": servo + rng.standard_normal(900), "u": pulse}]
     for parts in (*often, *rounded, *open_, *alike, *flown):
         assert mf.Record(**parts, dt=DT)._seen["u"] != "computed"
+
+
+def test_a_batch_reads_the_input_of_a_loop_as_its_records_do():
+    runs = [regulated(seed, n=900) for seed in range(2)]
+    batch = mf.Batch(**{name: np.stack([run[name] for run in runs])[:, None] for name in ("y", "u")}, dt=DT)
+    assert batch.intersample == mf.Record(**runs[0], dt=DT).intersample == ("zoh",)
