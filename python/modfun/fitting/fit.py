@@ -373,10 +373,10 @@ def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -
 
 def _short(data: Batch | tuple[Record, ...], structure: Any, options: Options) -> bool:
     """Whether equations have records too short to see noise levels in, which the fit of each finds."""
-    if isinstance(structure, TransferFunction):
+    if isinstance(structure, TransferFunction) or options.drives:
         return False
-    own = data if isinstance(data, Batch) else structure.own_channels(data[0])
-    layout = layout_of(structure, options, own.outputs, own.inputs, forms_of(data))
+    own: Any = data if isinstance(data, Batch) else structure.own_channels(data[0])
+    layout = layout_of(structure, options, own.outputs, own.inputs, forms_of((own,)))
     return layout.formulas.needs_levels and too_short(own.y.shape[-1], max(layout.orders))
 
 

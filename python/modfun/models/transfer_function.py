@@ -448,7 +448,7 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
             )
     if all(value is not None for value in fixed):
         raise SpecError(
-            "TransferFunction: params holds all coefficients; nothing is left to estimate. A number holds "
+            "TransferFunction: params= fixes every coefficient; nothing is left to estimate. A number fixes "
             "a coefficient: leave out those to be estimated, which need no start values"
         )
     return Layout(

@@ -40,6 +40,7 @@ __all__ = [
 EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
 LEVER = "lever_"  # first word of that of a sensor away from the reference point
+MOST_SENSORS = 3  # whose pairs are tried with lags
 LATEST = 12  # samples of an input that acts late, where its delay is no parameter
 BENDS = 1.0  # rad: below, a sine is a line and a cube
 TURNS = 4 * math.pi  # rad: beyond, what is no angle is as likely
@@ -135,7 +136,7 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
 
 def _two_sensors(fit: Estimates, model: StateSpace) -> Changed:
     """Lags of two sensors, where an input seems to act late: what they have in common looks like that."""
-    shift = likeliest_shift(fit) if len(model.outputs) > 1 else None
+    shift = likeliest_shift(fit) if 1 < len(model.outputs) <= MOST_SENSORS else None
     if shift is None or shift.channel not in model.inputs:
         return
     for i, j in combinations(range(len(model.outputs)), 2):

