@@ -20,7 +20,7 @@ from .past import fit_with_past
 from .plain import fit_plain
 from .prepared import counts_start
 from .robust import refuse_robust, robust_fit
-from .signs import signed
+from .signs import settled, signed
 from .uneven import equations_on_fewer_lines, from_response, without_excess
 from .wider import equations_on_enough_lines
 
@@ -38,6 +38,7 @@ def fit_quietly(
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
         few = fit_equation(records, structure, options, fit_quietly, starts=starts)
+        few = settled(few, lambda made: fit_equation(records, made, options, fit_quietly))
         enough = equations_on_enough_lines(equations_on_fewer_lines(few, fit_equation), fit_equation)
         made = signed(equations_closely(enough, fit_equation))
         made = by_samples(made)
