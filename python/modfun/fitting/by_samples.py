@@ -10,11 +10,10 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import ModfunError
-from ..records.mask import sample_weights
+from ..records.mask import hides_much, sample_weights
 from ..results.diagnosis import growth
 from ..results.estimates import COVARIANCES
 from ..results.initial_state import slopes
-from .gaps import hides_much
 
 __all__ = ["by_samples", "lower_by_samples"]
 

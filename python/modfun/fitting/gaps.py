@@ -17,11 +17,10 @@ from ..records.record import Record
 from ..results.cures import again, on_band
 from ..results.estimates import COVARIANCES
 
-__all__ = ["across", "blind", "bridged", "hides_much", "relative", "variances", "weighs"]
+__all__ = ["across", "blind", "bridged", "relative", "variances", "weighs"]
 
 AnyFit = TypeVar("AnyFit", bound=Any)
 
-MUCH = 0.15  # of the samples of an output: what stands in the place of more counts as if it were measured
 LONGEST = 0.1  # of a record may be hidden in a row; beyond, errors are far too small
 UNEVEN = 0.3  # scatter of the steps, over their mean, that correlates lines
 IGNORED = 1e8  # variance of a sample that counts for nothing, over the others'
@@ -204,11 +203,6 @@ def weighs(rec: Record) -> bool:
         return False
     steps = np.diff(rec.t)
     return bool(np.std(steps) > UNEVEN * np.mean(steps))
-
-
-def hides_much(rec: Record) -> bool:
-    """Whether so many samples of an output are masked that what stands in their place counts."""
-    return rec.mask is not None and bool(np.min(np.mean(rec.mask, axis=1)) < 1 - MUCH)
 
 
 def variances(rec: Record, off: F64, noise: F64, order: int) -> F64 | None:

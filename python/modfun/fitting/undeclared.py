@@ -19,6 +19,7 @@ from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.forms import agreed
+from ..records.mask import hides_much
 from ..records.record import Record
 from ..results.cures import bic_beside, on_band, realigned
 from ..results.diagnosis import growth
@@ -28,7 +29,6 @@ from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
 from ..results.undeclared import POSITIVE
 from .by_samples import lower_by_samples
-from .gaps import hides_much
 
 __all__ = [
     "OTHER",

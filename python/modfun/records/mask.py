@@ -14,11 +14,13 @@ from ..base.samples import FEWEST, channels_of, floats
 from ..errors import DataError, SpecError
 
 __all__ = [
-    "Mask", "filled", "leaving_out", "mask_of", "refuse_own_noise", "refuse_scarce", "rows_of", "runs",
-    "sample_weights", "scarce", "sigma_of",
+    "Mask", "filled", "hides_much", "leaving_out", "mask_of", "refuse_own_noise", "refuse_scarce", "rows_of",
+    "runs", "sample_weights", "scarce", "sigma_of",
 ]  # fmt: skip
 
 Mask = NDArray[np.bool_]
+
+MUCH = 0.15  # of the samples of an output: what stands in the place of more counts as if it were measured
 
 
 def mask_of(given: ArrayLike | None, shape: tuple[int, int], axis: int = -1) -> Mask | None:
@@ -138,3 +140,8 @@ def refuse_own_noise(rec: Any, what: str, cure: str) -> None:
 def leaving_out(record: Any, name: str, good: str) -> str:
     """Say how to leave samples of one output out, by code that is true of the others."""
     return f"leave them out, rec.weigh(mask={good if len(record.outputs) == 1 else f'{{{name!r}: {good}}}'})"
+
+
+def hides_much(rec: Any) -> bool:
+    """Whether so many samples of an output are masked that what stands in their place counts."""
+    return rec.mask is not None and bool(np.min(np.mean(rec.mask, axis=1)) < 1 - MUCH)

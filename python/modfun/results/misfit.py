@@ -23,7 +23,7 @@ from .cures import (
     on_band,
     with_drift,
 )
-from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
+from .diagnosis import Diagnosis, diagnose, level_p, level_ratio, measured_lines
 from .doubts import SURE, Doubt, crowded, noise_free, numbers
 from .driven_equations import driven
 from .estimates import Estimates
@@ -122,13 +122,16 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
     told = isinstance(fit.options.noise, Noise)  # wrongly, perhaps
     if high and not told and not any(doubt.sure for doubt, _ in said):
         said += _of_structure(fit)
-    seen = min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # of a linear equation, without a level
+    measured = measured_lines(fit)
+    seen = (
+        measured and min(d.correlation.p_value, d.colour.p_value) < UNLIKELY
+    )  # of a linear equation, without a level
     if d.chi2_p < _plausible(fit) or (isnan(d.chi2_p) and seen):
         products = _of_products(fit, d)
         said += [(products, 0.0)] if products else _of_written(fit, d, sure_only)
     said.sort(key=lambda pair: (not pair[0].sure, -pair[1]))
     found: list[Doubt | None] = [doubt for doubt, _ in said]
-    if d.correlation.p_value < UNLIKELY:
+    if measured and d.correlation.p_value < UNLIKELY:
         found.append(
             Doubt(
                 f"Neighbouring residual lines{_of(fit, d.correlated)} are correlated (Ljung-Box "
@@ -149,7 +152,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
                 sure=False,
             )
         )
-    if d.colour.p_value < UNLIKELY:
+    if measured and d.colour.p_value < UNLIKELY:
         several = ", but not for one cause that drives several equations" if len(fit.row_names) > 1 else ""
         errors = f"Spectral standard errors allow for the colour{several}; classical ones do not"
         if fit.process_levels is not None:
@@ -195,7 +198,7 @@ def _tone(fit: Estimates, output: int, omega: float, part: float) -> str:
 
 def of_colour(fit: Estimates, d: Diagnosis) -> Doubt | None:
     """That weights which follow the noise spectrum pay, where lines are not of one level."""
-    gain = gain_of_colour(fit) if d.colour.p_value < UNLIKELY else None
+    gain = gain_of_colour(fit) if measured_lines(fit) and d.colour.p_value < UNLIKELY else None
     if gain is None:
         return None
     return Doubt(
@@ -209,7 +212,7 @@ def of_drift(fit: Estimates) -> Doubt | None:
     """That a slow drift pays by BIC, where lines are odd: tests leave it to noise that may be steep."""
     if fit.trend != "constant" or not suspicious(fit) or level_p(fit) > 1 - LOOK:  # below the noise: no drift
         return None
-    drift = with_drift(fit)
+    drift = with_drift(fit) if measured_lines(fit) else None
     if drift is None or not drift.after < drift.before - STRONG:
         return None
     return Doubt(

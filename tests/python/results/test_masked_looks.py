@@ -86,3 +86,18 @@ def test_the_sign_of_a_noisy_output_is_doubted():
     fits = [mf.fit(rec, model, cov_type=kind) for kind in ("spectral", "HC3")]
     said = [any("sign(v) takes the sign of noise" in text for text in fit.check()) for fit in fits]
     assert said == [True, True]
+
+
+def test_lines_of_what_was_put_between_rows_are_no_colour_of_the_noise():
+    """All of 6 sound records on a grid finer than their rows had doubts of correlated and coloured noise."""
+    plant = mf.tf([0.6], [7500, 325, 1], delay=30.0)
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.uniform(40, 60, 36), 150)
+    y = plant.simulate(u=u - 50, dt=1.0, intersample="zoh") + 70
+    rows = np.cumsum(rng.integers(5, 15, 520))
+    rows = np.union1d(rows[rows < u.size - 1], np.arange(0, u.size, 150))
+    noisy = y[rows] + 0.08 * rng.standard_normal(rows.size)
+    rec = mf.Record(y=noisy, u=u[rows], t=rows.astype(float), intersample="zoh").resample(1.0)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(min=0, max=120)))
+    assert fit["delay"] == pytest.approx(30.0, abs=6.0)
+    assert not fit.check()
