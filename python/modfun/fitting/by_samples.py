@@ -21,6 +21,9 @@ PART = 0.1  # of a standard error: steps of differences
 ROUNDS, HALVED = 12, 5
 LEAST = 1e-6  # of the level that lines show: records without noise
 SETTLED = 0.02  # of a standard error: a move that ends the rounds
+SMALL = 1e-6  # of the sum of squares: a gain so small that rounding hides it, and steps need not find it
+ASTRAY = 10.0  # times the level of lines: what a wrong model, or chaos, leaves; minima leave below 4
+SLOW = 0.7  # of the level before a step: no way to a minimum from so far; others halve it or more
 
 
 AnyFit = TypeVar("AnyFit", bound=Any)
@@ -80,22 +83,30 @@ class _Descent:
         self.steps = PART * np.sqrt(fit.cov_nonrobust.diagonal())
         self.own = [sample_weights(rec.mask, rec.sigma, rec.y.shape) for rec in fit.records]
         self.levels: list[F64] = list(fit.noise_levels)
+        self.begins = fit.options.initial_state not in ("unknown", "periodic")  # as it was told
 
     def ended(self) -> Any:
-        """The fit at the least squares; status "maxiter" where the steps do not end."""
+        """At least squares; as it came where no way leads there, "maxiter" where steps do not end."""
         params = self.fit.params.copy()
-        for _ in range(ROUNDS):
+        for k in range(ROUNDS):
+            before = self.levels
             self._weigh(params)
+            if k and self._astray(before):
+                return self.fit
             left, count = self._left(params)
             steep = self._slopes(params, left)
             move = np.zeros(params.size)
             move[self.moving] = np.linalg.lstsq(steep.T, left, rcond=None)[0]
+            toward = move[self.moving] @ steep
             for _ in range(HALVED):
                 beside, _ = self._left(params + move)
                 if beside @ beside <= left @ left:
                     break
                 move = move / 2
             else:
+                beside = left - toward
+                if left @ left - beside @ beside > SMALL * (left @ left):
+                    return self.fit
                 break
             params = params + move
             cov = np.linalg.inv(steep @ steep.T) * (left @ left) / max(count - params.size, 1)
@@ -108,9 +119,18 @@ class _Descent:
     def _weigh(self, params: F64) -> None:
         if self.fit.options.output_weights is not None:
             return
+        self.levels = list(self.levels)
         for k, (off, own) in enumerate(zip(self._off(params)[0], self.own, strict=True)):
             level = np.sqrt(np.sum(off**2, axis=1) / np.count_nonzero(own, axis=1))
             self.levels[k] = np.maximum(level, LEAST * self.fit.noise_levels[k])
+
+    def _astray(self, before: list[F64]) -> bool:
+        """Whether a response far from the samples hardly comes nearer: rounds would be for nothing."""
+        # Of all records: lines of one that is short may show hardly a level.
+        own, last, lines = [
+            np.sqrt(np.mean(np.square(of), axis=0)) for of in (self.levels, before, self.fit.noise_levels)
+        ]
+        return bool(np.any((own > ASTRAY * lines) & (own > SLOW * last)))
 
     def _off(self, params: F64) -> tuple[list[F64], int]:
         """Residuals of each record, and how many samples beyond the unknowns of each they have."""
@@ -119,7 +139,8 @@ class _Descent:
         for rec, own in zip(fit.records, self.own, strict=True):
             simulated, initial = fit.simulate(rec)
             found.append((rec.y - simulated) * own)
-            count += int(np.count_nonzero(own)) - initial.state.size - np.size(initial.trend)
+            unknown = (0 if self.begins else initial.state.size) + np.size(initial.trend)
+            count += int(np.count_nonzero(own)) - unknown
         return found, count
 
     def _left(self, params: F64) -> tuple[F64, int]:
@@ -139,12 +160,14 @@ class _Descent:
         return np.array(found)
 
     def _of_integrations(self, fit: Any) -> F64:
-        """The same with initial states and trends beside the parameters: they are long in the finding."""
+        """The same with unknown initial states and trends beside the parameters: to find them takes long."""
         found = []
         for rec, counts, level in zip(fit.records, self.own, self.levels, strict=True):
             weights = counts / level[:, None]
-            each = (slopes(fit, rec, fit.simulate(rec)[1]) * weights).reshape(-1, weights.size)
-            own, beside = each[self.moving], each[fit.params.size :]
+            start = fit.simulate(rec)[1]
+            each = (slopes(fit, rec, start) * weights).reshape(-1, weights.size)
+            known = start.state.size if self.begins else 0
+            own, beside = each[self.moving], each[fit.params.size + known :]
             found.append(own - own @ np.linalg.pinv(beside) @ beside)
         return np.concatenate(found, axis=1)
 
