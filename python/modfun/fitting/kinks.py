@@ -18,7 +18,6 @@ from ..results.cures import on_band
 from ..results.of_equations import EquationFit
 from ..results.prediction import unexplained
 from .finer import BEFORE, UnevenSums, finer, response
-from .uneven import LARGE
 
 __all__ = ["bent", "without_kinks"]
 
@@ -28,6 +27,7 @@ SETTLED = 0.5  # of a standard error: the last step, which is taken; the next on
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
 PARTS = 4  # of a sampling interval, in which the response is looked at,
 WIDE = 1 << 19  # lines times uneven samples; beyond, fitted lines alone: of 2,000 samples 2 s instead of 6
+LARGE = 1 << 23  # beyond, nonlinear fits stay: of 6,000 samples 5 s instead of 14, but 10 standard errors off
 SEEN = 30  # or more, such that Simpson's rule has so many in a period of the highest line: errors of 1e-5
 
 
