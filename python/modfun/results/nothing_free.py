@@ -20,7 +20,7 @@ def nothing_free(fit: Estimates) -> Doubt | None:
     held = {name: value for name, value in given.items() if not isinstance(value, Free)}
     if not held:
         return None
-    starts = ", ".join(f'"{name}": mf.Free({value!r})' for name, value in held.items())
+    starts = ", ".join(f'"{name}": mf.Free({value:.15g})' for name, value in held.items())
     return Doubt(
         f"Nothing was estimated: params= fixes every parameter ({listed(list(held))}), and the record "
         f"contradicts these values (p = {level_p(fit):.2g}). A number in params= fixes a parameter; write a "

@@ -37,7 +37,7 @@ def test_nothing_free_is_a_fit_that_can_be_checked(model):
 )
 def test_start_values_given_as_numbers_are_named(model):
     """Four wrong causes were advised: a missing term, a lag of a sensor, load, an offset."""
-    with pytest.warns(mf.ModfunWarning, match="Nothing was estimated: params= holds every") as said:
+    with pytest.warns(mf.ModfunWarning, match="Nothing was estimated: params= fixes every") as said:
         fit = mf.fit(REC, model)
     found = list(fit.check())
     assert len(found) == 1
