@@ -415,20 +415,20 @@ def _first_times(record: Samples, places: NDArray[np.intp]) -> str:
 
 
 def _outliers(record: Samples, name: str) -> Iterator[str]:
-    """Find single samples that stick out of their neighbours: a step has two equal bends, a spike one."""
-    values = record[name]
-    bend = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    usual = 1.4826 * float(np.median(bend)) + 1e-9 * float(np.ptp(values))
+    """Find single samples that stick out of both neighbours: a step, and a lag of one, do not."""
+    values, rise = record[name], np.diff(record[name])
+    out = np.where(rise[:-1] * rise[1:] < 0, np.minimum(np.abs(rise[:-1]), np.abs(rise[1:])), 0.0)
+    bend = 0.5 * np.abs(np.diff(rise))
     beside = np.maximum(np.append(bend[1:], 0.0), np.insert(bend[:-1], 0, 0.0))
-    limit = max(10 * usual, 0.5 * float(values.std()))
-    found = np.flatnonzero((bend > limit) & (bend > 1.5 * beside)) + 1
+    limit = max(15 * float(np.median(bend)), 1e-8 * float(np.ptp(values)), 0.5 * float(values.std()))
+    found = np.flatnonzero((bend > limit) & (bend > 1.5 * beside) & (out > 0.5 * bend)) + 1
     if 0 < found.size <= SPIKES * len(values) + 1:
         first = found[0]
         then = f", then at t = {_first_times(record, found[1:])} s" if found.size > 1 else ""
+        before, own, after = values[first - 1 : first + 2]
         yield (
             f"{_kind(record, name)} {name!r} has {_count(found.size, 'outlying sample')}, the first at t = "
-            f"{record.t[first]:g} s ({values[first]:.4g} between {values[first - 1]:.4g} and "
-            f"{values[first + 1]:.4g}){then}."
+            f"{record.t[first]:g} s ({own:.4g} between {before:.4g} and {after:.4g}){then}."
         )
 
 

@@ -135,6 +135,10 @@ def test_check_outliers_and_where():
     spiked = Y.copy()
     spiked[[50, 300]] += 8.0
     assert said("2 outlying samples, the first at t = 1 s", y=spiked, u=U)
+    lagged = np.zeros(N + 1)  # a doublet through a servo of 0.05 s bends at each edge
+    for k in range(N):
+        lagged[k + 1] = lagged[k] + 0.33 * ((50 <= k < 80) - (80 <= k < 110) - lagged[k])
+    assert not said("outlying", y=Y, u=lagged)
 
 
 def test_check_offset_and_drift():
