@@ -41,6 +41,11 @@ class Slopes:
     state: F64
 
 
+def _beyond_first(u: F64) -> F64:
+    """Inputs that stood at their first value before the record: a delay does not move a jump to it."""
+    return u - u[:, :1]
+
+
 class Transfers:
     """A transfer function with values; each output has an initial state of its own, y, y', ….
 
@@ -72,7 +77,10 @@ class Transfers:
         first = 0
         for i, n in enumerate(layout.orders):
             own = slice(first, first + n)
-            y[i], rows, state[own, i] = self._output(rec, i, begin[own], held)
+            y[i], rows, state[own, i] = self._output(rec.u, rec, i, begin[own], held)
+            moved = rows
+            if held and layout.free_delays:
+                moved = self._output(_beyond_first(rec.u), rec, i, begin[own], held)[1]
             first += n
             dens, nums = layout.places
             coefficients[dens[i] : dens[i] + n, i] = rows[:n]
@@ -84,15 +92,15 @@ class Transfers:
                 path = layout.routes[i][k]
                 if path in layout.free_delays:
                     # ∂/∂τ of b(s) U e^(−τs)/A is −s times it: the rows one power higher.
-                    late[layout.free_delays.index(path), i] -= numerators[k] @ rows[at : at + degree + 1]
+                    late[layout.free_delays.index(path), i] -= numerators[k] @ moved[at : at + degree + 1]
                     at += 1
                 coefficients[nums[i][k] : nums[i][k] + degree + 1, i] = rows[at : at + degree + 1]
                 at += degree + 1
         return Slopes(y, np.concatenate([coefficients[list(layout.free)], late]), state)
 
-    def _output(self, rec: Record, output: int, start: F64, held: bool) -> tuple[F64, F64, F64]:
-        """Response of an output, its derivatives to coefficients (one power more where a delay is free)
-        and to its states."""
+    def _output(self, u: F64, rec: Record, output: int, start: F64, held: bool) -> tuple[F64, F64, F64]:
+        """Response of an output to inputs, its derivatives to coefficients (one power more where a delay is
+        free) and to its states."""
         layout = self.layout
         n, degrees = layout.orders[output], list(layout.numerators[output])
         den, numerators = layout.polynomials(self.values, output)
@@ -110,7 +118,7 @@ class Transfers:
             degrees[k] = degree + free
             theta += [np.zeros(int(free)), numerators[k]]
         delays = layout.delays(self.values, output)
-        prepared = Inputs(list(rec.u), float(rec.dt or 0), rec.intervals, rec.intersample, delays, held)
+        prepared = Inputs(list(u), float(rec.dt or 0), rec.intervals, rec.intersample, delays, held)
         omega = time_unit(den)
         engine = Sensitivities(n, degrees, prepared, omega)
         # T(s) of the states, y⁽ʲ⁾(0) by a_(k−j), in powers of s counted in omega.
@@ -179,6 +187,9 @@ class States:
         if start is not None:
             x0[:n] = _checked(start, n)
         driven = Inputs(list(rec.u), *words, rec.intersample, self.late, held)
+        moved = (
+            Inputs(list(_beyond_first(rec.u)), *words, rec.intersample, self.late, held) if held else driven
+        )
         y = driven.respond((whole, drive, seen, through), x0)
         none = np.zeros((n, 0)), np.zeros((q, 0))
         free = [respond((a, none[0], c, none[1]), unit, [], *words, (), ()) for unit in np.eye(n)]
@@ -192,7 +203,7 @@ class States:
                         f"crlb: the delay {name!r} is unknown and an input behind it feeds through, and a "
                         "response that jumps has no derivative to it: hold the delay, params={...}"
                     )
-                y[1 + j] -= driven.respond((a, b * late, c @ a, c @ b * late), np.zeros(n))
+                y[1 + j] -= moved.respond((a, b * late, c @ a, c @ b * late), np.zeros(n))
         return Slopes(y[0], y[1:], np.array(free))
 
 

@@ -158,3 +158,32 @@ def test_failures_are_said():
         output_error(PLANT)([])
     with pytest.raises(mf.SpecError, match="got a str"):
         output_error(PLANT)(["x"])
+
+
+TANK = mf.TransferFunction(poles=2, zeros=0, delay=mf.Free(min=0, max=120))
+TWO = mf.StateSpace(
+    [["-1/T1", "1/T1"], [0, "-1/T2"]], [[0], ["K/T2"]], [[1, 0]], delay="d", outputs=["y"], inputs=["u"],
+    params={"d": mf.Free(min=0, max=120), "T1": mf.Free(200.0), "T2": mf.Free(20.0), "K": mf.Free(0.5)},
+)  # fmt: skip
+
+
+def _warm(seed):
+    """A tank behind a pipe that is not at rest, its heater in steps from 40 % on."""
+    t, before = 5.0 * np.arange(-800, 1081.0), 800
+    levels, times = np.array([30.0, 40, 60, 45, 55, 40]), np.array([-420.0, 0, 600, 2000, 3200, 4400])
+    u = levels[np.maximum(np.searchsorted(times, t, side="right") - 1, 0)]
+    y = mf.tf([0.6], [7500, 325, 1], delay=30.0).simulate(u=u - 30, dt=5.0, intersample="zoh")[before:]
+    y = y + 0.08 * np.random.default_rng(seed).standard_normal(y.shape)
+    return mf.Record(y=y + 20, u=u[before:], dt=5.0, intersample="zoh")
+
+
+@pytest.mark.parametrize(("model", "delay"), [(TANK, "delay"), (TWO, "d")])
+def test_a_free_delay_of_an_input_that_stood_before_the_record_is_found(model, delay):
+    """The derivative had the input jump to its first value: 100 evaluations and no end."""
+    for seed in range(3):
+        rec = _warm(seed)
+        start = None if model is TANK else {"T1": 200.0, "T2": 20.0, "K": 0.5, "d": 20.0}
+        solved = mf.rivals.output_error(model, trend="constant", start=start).solve(rec)
+        assert solved.nit < 20
+        assert abs(solved.params[delay] - 30.0) < 3.5 * solved.bse[delay]  # by chance in 1 of 700
+        assert solved.bse[delay] < 2.0
