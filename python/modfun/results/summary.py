@@ -213,7 +213,7 @@ def _band(fit: Estimates) -> str:
 
 def _why_narrowed(fit: Estimates) -> str:
     uneven = any([step is None for step in fit.steps])
-    what = "sums over uneven samples err" if uneven else "the search goes astray"
+    what = "sums over uneven samples err" if uneven else "the search fails"
     return f"; narrowed, as {what} beyond"
 
 

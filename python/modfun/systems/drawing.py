@@ -15,7 +15,7 @@ from ..errors import SpecError
 __all__ = ["Curve", "curves_of", "draw_bode", "draw_bode_grid", "draw_levels", "span"]
 
 LOWEST = 8  # one in so many of the points of a phase, the lowest, tells its branch
-SURE = 2.0  # the branch of a phase is told by points whose error is at most so often the least
+SURE, SURELY = 2.0, 45.0  # the branch is told by points whose error is so often the least, or so many degrees
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +157,7 @@ def _turned(degrees: Any, curve: Curve, drawn: dict[str, Any]) -> Any:
     known = np.isfinite(apart)
     # Where noise hides the gain, its phase wanders by whole turns.
     if curve.degrees is not None and np.isfinite(curve.degrees).any():
-        known &= curve.degrees <= SURE * np.nanmin(curve.degrees)
+        known &= curve.degrees <= max(SURE * np.nanmin(curve.degrees), SURELY)
     # At the lowest of them: higher up a delay turns one of two phases away from the other.
     lowest = apart[known][: max(1, int(known.sum()) // LOWEST)]
     return degrees + 360 * np.round(np.median(lowest) / 360) if lowest.size else degrees

@@ -109,6 +109,12 @@ def test_a_lag_stands_on_its_own_branch_beside_one_with_a_delay() -> None:
     phases = [line.get_ydata() for line in lower.get_lines()]
     assert phases[-1][0] == pytest.approx(-0.57, abs=0.1)
     assert phases[-1][-1] == pytest.approx(-84.3, abs=0.1)  # -444.3 before
+    rec = mf.simulate(late, input="sin(t**2/200)", duration=200.0, intervals=2000, nsr=0.05, seed=0)
+    right = mf.fit(rec, mf.TransferFunction(poles=1, zeros=0, delay=mf.Free(min=0, max=12)))
+    with pytest.warns(mf.ModfunWarning, match="First try a delay"):
+        wrong = mf.fit(rec, mf.TransferFunction(poles=1, zeros=0))
+    _, lower = mf.plot.bode(right, wrong, band=(0.01, 3.0))
+    assert min(line.get_ydata()[0] for line in lower.get_lines()) > -90.0  # of both, and their bands
 
 
 def test_a_bode_plot_needs_two_axes() -> None:
