@@ -373,7 +373,9 @@ def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Dou
     if beyond and slow and (integral := integral_missing(fit)):
         return [_lacking(fit, integral)]
     said = [_lacking(fit, cure)] if cure else []
-    if driving and (noise := driven(fit)) is not None:
+    # A servo is little more than a lag or delay of its command, which halves what is left, unlike a gust.
+    late = cure and cure.words.startswith(("a lag of the actuator", "a delay of")) and convincing(fit, cure)
+    if driving and not late and (noise := driven(fit)) is not None:
         said.append(_driving(fit, d, noise))
     return said
 
