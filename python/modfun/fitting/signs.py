@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..equations.equation import Equation
 from ..errors import DataError, ModfunError
 from ..models.free import Free
 from ..results.cures import CLOSE
@@ -20,6 +21,7 @@ from .restarts import compared
 
 __all__ = ["as_written", "positive", "settled", "signed", "signs_open"]
 
+TURNED = 2  # parameters below 0, of which one may be a time constant; derivatives of an aircraft are more
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
 MIRRORED = 1e-3  # relative difference of costs within which searches end at the same minimum
 
@@ -85,11 +87,12 @@ def settled(fit: EquationFit, sought: Callable[[Any], EquationFit]) -> EquationF
     """
     model, words = fit.structure, fit.layout.formulas.words
     late = any([own is not None for _, _, own in words["signals"]])
-    if words["linear"] or not late or not fit.usable:
+    if words["linear"] or not late or not fit.usable or not isinstance(model, Equation):
         return fit
     told = dict(model.params)
     free = [name for name in fit.param_names if name not in told or told[name] == Free()]
-    for turned in [name for name in free if fit[name] < 0]:
+    below = [name for name in free if fit[name] < 0]
+    for turned in below if len(below) <= TURNED else ():
         within = {n: Free(min=0.0) if n == turned or fit[n] > 0 else Free(max=0.0) for n in free}
         try:
             found = sought(model._like(params=told | within))

@@ -18,7 +18,9 @@ def test_an_actuator_does_not_saturate_where_a_constant_is_missing(monkeypatch):
     assert fit.at_bound
     assert 'Fit with trend="constant"' in text
     tried, plain = [], cures.again_at_all
-    monkeypatch.setattr(cures, "again_at_all", lambda *words: tried.append(words) or plain(*words))
+    monkeypatch.setattr(
+        cures, "again_at_all", lambda *words, **told: tried.append(words) or plain(*words, **told)
+    )
     said = list(fit.check())
     assert 'Fit with trend="constant"' in said[0]
     assert not any("saturates" in one or "Part of the response" in one for one in said)
