@@ -200,7 +200,7 @@ def _of_group(
     for words, structure, key, told in _worthwhile(fit, group):
         if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
             break  # no powers where a linear term leaves the noise alone
-        other = again(fit, fit.records, structure, options)
+        other = again(fit, fit.records, structure, options, near=True)
         if other is None or {EXTRA, ZERO} & {*other.at_bound}:
             continue
         if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable

@@ -5,6 +5,7 @@ from __future__ import annotations
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.fitting import single
 from scipy.integrate import solve_ivp
 
 TRUE = {"a": 10.0, "C": 1.0, "n": 2.0, "d": 1.0}
@@ -45,3 +46,24 @@ def test_a_ring_is_found_around_a_gap() -> None:
     assert fit.success
     far = [(fit[name] - true) / fit.bse[name] for name, true in TRUE.items()]
     assert np.max(np.abs(far)) < 3.0  # by chance in 1 of 100 records; nan where the way around began astray
+
+
+def test_terms_that_may_be_missing_are_sought_from_the_estimates(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search from afar for each of dozens of terms took minutes."""
+    t = np.linspace(0, 10, 201)
+    u = 2 + np.sin(t**2 / 5)
+    model = mf.Equation("y' = V*u**2/(K**2 + u**2) - d*y").model({"V": 3.0, "K": 1.5, "d": 1.0})
+    y = model.simulate(u=u, dt=0.05, initial_state=[0.5]) + 0.3 * u
+    rec = mf.Record(y=y + 0.01 * np.random.default_rng(0).standard_normal(y.shape), u=u, dt=0.05)
+    told, plain = [], single.fit_equation
+
+    def noted(*given: object, **words: object) -> object:
+        told.append(words.get("starts"))
+        return plain(*given, **words)
+
+    monkeypatch.setattr(single, "fit_equation", noted)
+    with pytest.warns(mf.ModfunWarning, match="First try a term in u'"):
+        fit = mf.fit(rec, mf.Equation("y' = V*u**2/(K**2 + u**2) - d*y"))
+    fit.check()
+    here = {*fit.params.tolist()}
+    assert sum([starts is not None and here <= {*starts} for starts in told]) > 15
