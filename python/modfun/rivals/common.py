@@ -16,7 +16,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.mask import refuse_own_noise
 from ..records.record import Record
 
-__all__ = ["HUGE", "Found", "check", "check_record", "joined", "least_squares"]
+__all__ = ["HUGE", "Found", "check", "check_record", "errors_of", "joined", "least_squares"]
 
 HUGE = 1e100  # stands for an overflowed residual: refused by the step control, harmless to its sums
 
@@ -30,6 +30,14 @@ class Found(dict[str, float]):
 
     def __repr__(self) -> str:
         return f"{{{', '.join(f'{n!r}: {value:.5g} ± {self.bse[n]:.2g}' for n, value in self.items())}}}"
+
+
+def errors_of(jacobian: F64) -> F64:
+    """Standard errors of unknowns (unknown,) by the derivatives (row, unknown) of rows with unit variance."""
+    size = np.linalg.norm(jacobian, axis=0)
+    size[size == 0] = 1.0
+    root = np.linalg.pinv(jacobian / size, rcond=1e-13) / size[:, None]
+    return np.asarray(np.sqrt(np.sum(root**2, axis=1)))
 
 
 def least_squares(output: Any, x: F64, y: F64, maxiter: int, what: str) -> F64:

@@ -22,7 +22,7 @@ from ..records.record import Record
 from ..responses.coefficients import regressors
 from ..systems.polynomials import roots, time_unit
 from ..systems.propagate import Inputs
-from .common import Found, check, check_record, joined, least_squares
+from .common import Found, check, check_record, errors_of, joined, least_squares
 from .likelihood import OutputErrorFit, most_likely
 
 __all__ = ["OutputError", "output_error"]
@@ -195,10 +195,7 @@ class OutputError:
         found = least_squares(output, x, y, self.maxiter, self.name)
         simulated, columns = output(found)
         freedom = max(y.size - found.size, 1)
-        size = np.linalg.norm(columns, axis=1)
-        size[size == 0] = 1.0
-        root = np.linalg.pinv(columns.T / size, rcond=1e-13) / size[:, None]
-        bse = np.sqrt(np.sum((simulated - y) ** 2) / freedom * np.sum(root[:count] ** 2, axis=1))
+        bse = np.sqrt(np.sum((simulated - y) ** 2) / freedom) * errors_of(columns.T)
         values = [(one[:count] / engine.scale).tolist() for one in (found, bse)]
         return Found(*[dict(zip(names, own, strict=True)) for own in values])
 

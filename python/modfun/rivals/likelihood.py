@@ -30,7 +30,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.mask import refuse_own_noise
 from ..records.record import Record
 from ..results.initial_state import find_state
-from .common import joined
+from .common import errors_of, joined
 
 __all__ = ["OutputErrorFit", "most_likely"]
 
@@ -266,12 +266,8 @@ def _pieces(rec: Record, count: int) -> list[Record]:
 def _found(problem: _Problem, points: Sequence[F64], maxiter: int, pieces: int) -> OutputErrorFit:
     """The estimate from the best of these parameters; `pieces`: of each of the records it is asked of."""
     here, nit = _search(problem, _started(problem, points), maxiter)
-    jacobian, _ = problem.whitened(here)
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0] = 1.0
-    root = np.linalg.pinv(jacobian / size, rcond=1e-13) / size[:, None]
     unknowns = len(problem.names)
-    bse = np.sqrt(np.sum(root**2, axis=1))[:unknowns]
+    bse = errors_of(problem.whitened(here)[0])[:unknowns]
     parts = problem.parts(here)
     simulated = [rec.y - left for rec, left in zip(problem.records, here.residuals, strict=True)]
     each = [slice(k, k + pieces) for k in range(0, len(parts), pieces)]
