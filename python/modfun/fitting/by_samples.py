@@ -10,8 +10,8 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..errors import ModfunError
-from ..records.mask import hides_much, sample_weights
-from ..results.diagnosis import growth
+from ..records.mask import sample_weights
+from ..results.diagnosis import growth, measured_lines
 from ..results.estimates import COVARIANCES
 from ..results.initial_state import slopes
 
@@ -61,7 +61,7 @@ def by_samples(fit: AnyFit) -> AnyFit:
     that minimum.
     """
     white = fit.options.noise == "output" and fit.options.method in ("ml", "awls") and not fit.layout.priors
-    if not white or not fit.usable or not any(map(hides_much, fit.records)) or growth(fit) > 0:
+    if not white or not fit.usable or measured_lines(fit) or growth(fit) > 0:
         return fit
     try:
         with np.errstate(all="ignore"):  # steps too far away overflow, and are halved

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,16 @@ def fit_batch(
             refuse_unknown(options.noise, structure.inputs)
             data = tuple([structure.own_channels(rec) for rec in data])
     sample = data if isinstance(data, Batch) else data[:1]
+
+    @cache
+    def single(k: int) -> Fit | None:
+        """Record k fitted alone; None where it makes no record, or is refused."""
+        try:
+            return fit_one((data[k],), structure, options)
+        except ModfunError:
+            return None
+
+    starts: list[float] | None = None
     made: Prepared | PreparedEquation
     if isinstance(structure, TransferFunction):
         made = prepare(structure, options, sample)
@@ -62,13 +73,12 @@ def fit_batch(
     else:
         made = prepare_equation(structure, options, sample)
         y, u = batch_of(made, data)
-        if not made.layout.formulas.words["linear"]:
-            starts = _starts(data, structure, options, fit_one)
-            made = prepare_equation(structure, options, sample, starts=starts) if starts else made
+        if not made.layout.formulas.words["linear"] and (starts := _starts(data, single)):
+            made = prepare_equation(structure, options, sample, starts=starts)
     with Progress(progress, *SHOWN) as bar:
         found = made.core.fit_many(y, u, threads=threads, progress=bar)
-        if (wide := _wider(found, data, structure, options, fit_one)) is not None:
-            made = prepare_equation(structure, wide, sample)
+        if isinstance(made, PreparedEquation) and (wide := _wider(found, options, single)) is not None:
+            made = prepare_equation(structure, wide, sample, starts=starts)
             found = made.core.fit_many(y, u, threads=threads, progress=bar)
     if isinstance(made, PreparedEquation) and not options.drives:
         found = many_at_least_white(found)
@@ -85,43 +95,25 @@ def fit_batch(
     return FitMany.of_core(found, made.layout, structure, options, alone, look, notes)
 
 
-def _starts(
-    data: Batch | tuple[Record, ...],
-    structure: Any,
-    options: Options,
-    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
-) -> list[float] | None:
+def _starts(data: Batch | tuple[Record, ...], single: Callable[[int], Fit | None]) -> list[float] | None:
     """Estimates of the first record that a single fit settles, from which searches of all begin.
 
     A single fit begins again elsewhere where a search leads astray, which the core does not: by itself it led
     all of 20 records of a Monod reactor to Ks = 7.6 instead of 0.6.
     """
     for k in range(min(TRIED, len(data))):
-        try:
-            first = fit_one((data[k],), structure, options)
-        except ModfunError:
-            continue
-        if first.success and not first.at_bound:
+        first = single(k)
+        if first is not None and first.success and not first.at_bound:
             return [float(value) for value in first.params]
     return None
 
 
-def _wider(
-    found: dict[str, Any],
-    data: Batch | tuple[Record, ...],
-    structure: Any,
-    options: Options,
-    fit_one: Callable[[tuple[Record, ...], Any, Options], Fit],
-) -> Options | None:
+def _wider(found: dict[str, Any], options: Options, single: Callable[[int], Fit | None]) -> Options | None:
     """The options with the band of the first record's fit, where few lines make it wider than the core's."""
     asked = options.band is not None or options.harmonics is not None
-    if isinstance(structure, TransferFunction) or asked or found["df_resid"] >= ENOUGH:
-        return None
-    try:
-        first = fit_one((data[0],), structure, options)
-    except ModfunError:  # a replicate of a batch that makes no record
-        return None
-    return on_band(first, first.band) if "widened" in (first.band_rule or {}) else None
+    first = None if asked or found["df_resid"] >= ENOUGH else single(0)
+    wider = first is not None and "widened" in (first.band_rule or {})
+    return on_band(first, first.band) if first is not None and wider else None
 
 
 def fit_each(

@@ -19,10 +19,9 @@ from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.forms import agreed
-from ..records.mask import hides_much
 from ..records.record import Record
 from ..results.cures import bic_beside, on_band, realigned
-from ..results.diagnosis import growth
+from ..results.diagnosis import growth, measured_lines
 from ..results.estimates import Estimates
 from ..results.feedback import feedback
 from ..results.fit import Fit
@@ -316,7 +315,7 @@ def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:
 
 def _lower(fit: Fit, other: Fit) -> float:
     """By how much another reading lowers BIC: that of samples where lines hold much that none measured."""
-    if not any(map(hides_much, fit.records or ())):
+    if measured_lines(fit):
         return bic_beside(fit, fit) - bic_beside(other, fit)
     try:
         with np.errstate(all="ignore"):
