@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import isfinite
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
     from .symbolic.formulas import Formulas
 
-__all__ = ["EquationLayout", "layout_of"]
+__all__ = ["EquationLayout", "layout_of", "with_excess"]
 
 KEPT = 32
 
@@ -145,3 +145,32 @@ def layout_of(
     if isinstance(own.noise, Noise):
         own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))
     return _layout(structure, own, outputs, inputs, forms)
+
+
+@lru_cache(KEPT)
+def with_excess(layout: EquationLayout, rule: str) -> EquationLayout:
+    """The same equations less one known signal in each, whose channels come last."""
+    words, count = layout.formulas.words, len(layout.orders)
+    operations, results = words["formulas"]
+    numbers, values = words["coefficients"]
+    first, signals, terms = words["channels"], len(words["signals"]), len(words["terms"])
+    # Channels come before all other inputs of the formulas, which move up.
+    moved = [
+        (name, value, a + count if name == "input" and a >= first else a, b)
+        for name, value, a, b in operations
+    ]
+    own = range(len(moved), len(moved) + count)
+    more = {
+        "formulas": (
+            [*moved, *[("input", 0.0, first + e, 0) for e in range(count)]],
+            [*results[:signals], *own, *results[signals:]],
+        ),
+        "signals": [*words["signals"], *[((rule,), 0.0, None)] * count],
+        "terms": [*words["terms"], *[(e, signals + e, 0) for e in range(count)]],
+        "coefficients": (
+            [*numbers, ("constant", -1.0, 0, 0)],
+            [*values[:terms], *[len(numbers)] * count, *values[terms:]],
+        ),
+        "channels": first + count,
+    }
+    return replace(layout, formulas=replace(layout.formulas, words=words | more))

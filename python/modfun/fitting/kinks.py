@@ -15,15 +15,18 @@ from ..errors import ModfunError
 from ..records.functions import samples_of
 from ..records.record import Record
 from ..results.cures import on_band
+from ..results.misfit import suspicious
 from ..results.of_equations import EquationFit
 from ..results.prediction import unexplained
 from .finer import BEFORE, UnevenSums, finer, response
+from .own_response import excess
 
 __all__ = ["bent", "without_kinks"]
 
 FINE = 40  # samples per period of the highest line: with as many, kinks of held inputs are below 0.1 % noise
 ROUNDS = 6
 SETTLED = 0.5  # of a standard error: the last step, which is taken; the next one is some twenty times smaller
+CLOSE = 0.1  # the same of nonlinear equations, where the next one may be nine tenths as large
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
 PARTS = 4  # of a sampling interval, in which the response is looked at,
 WIDE = 1 << 19  # lines times uneven samples; beyond, fitted lines alone: of 2,000 samples 2 s instead of 6
@@ -91,26 +94,31 @@ def _settled(
     start: EquationFit, records: tuple[Record, ...], refit: Callable[..., EquationFit]
 ) -> EquationFit | None:
     """Rounds of what the estimate folds and of the estimate that follows; None where they do not settle."""
-    options, now, sizes = on_band(start, start.band), start, list[float]()
-    fine = [_finer(start, k, rec) for k, rec in enumerate(records)]
-    while len(sizes) < ROUNDS and not (sizes and sizes[-1] < SETTLED):
+    options, now, sizes, before = on_band(start, start.band), start, list[float](), np.zeros(0)
+    # What functions and products make of signals between samples, the equations themselves leave out.
+    whole = _whole(start, records)
+    fine = [] if whole else [_finer(start, k, rec) for k, rec in enumerate(records)]
+    settled = CLOSE if whole else SETTLED
+    while len(sizes) < ROUNDS and not (sizes and sizes[-1] < settled):
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
                 warnings.simplefilter("ignore")
-                both = zip(records, fine, strict=True)
-                smooth = tuple([_unfolded(now, k, rec, more) for k, (rec, more) in enumerate(both)])
+                smooth = tuple([_unfolded(now, k, records[k], more) for k, more in enumerate(fine)])
+                less = [excess(now, k, rec) for k, rec in enumerate(records)] if whole else ()
                 known = {"levels": _levels(now, records), "starts": np.asarray(now.params).tolist()}
-                after = refit(smooth, now.structure, options, **known)
+                after = refit(smooth or records, now.structure, options, less=less, **known)
         except (ModfunError, np.linalg.LinAlgError):  # a response that leaves the range of numbers
             return None
         if not after.success:
             return None
         error = np.sqrt(np.diag(after.cov_nonrobust))
         free = error != 0  # one on its bound has none
-        step = np.abs(np.asarray(after.params - now.params))[free] / error[free]
-        sizes.append(float(np.max(step, initial=0.0)))
-        if not sizes[-1] <= sizes[max(len(sizes) - 2, 0)]:  # nor is nan
+        step = np.abs(np.asarray(after.params - now.params))
+        sizes.append(float(np.max(step[free] / error[free], initial=0.0)))
+        # In the same errors, which shrink by what is taken out.
+        if len(sizes) > 1 and not sizes[-1] <= np.max(before[free] / error[free], initial=0.0):  # nor is nan
             return None
+        before = step
         now = replace(after, records=records, unfolded=smooth)
     closer = sizes[-1] < max(SETTLED, LESS * sizes[0])  # nan is not
     return replace(now, band_rule=start.band_rule) if closer else None
@@ -128,23 +136,34 @@ def _finer(fit: EquationFit, k: int, rec: Record) -> Record | UnevenSums:
 
 def _levels(fit: EquationFit, records: tuple[Record, ...]) -> list[float] | None:
     """Noise of the outputs beside the response, whose kinks reach all frequencies; None where none shows."""
-    rec, order = records[0], max(fit.layout.orders)
-    plain = rec.mask is None and rec.sigma is None and rec.intervals >= 8 * (order + 4)
-    if len(records) > 1 or not plain:
+    order = max(fit.layout.orders)
+    plain = all([rec.mask is None and rec.sigma is None for rec in records])
+    plain = plain and all([rec.intervals >= 8 * (order + 4) for rec in records])
+    if not plain or (len(records) > 1 and fit.layout.compiled.is_linear):
         return None
-    left = unexplained(fit, rec)
-    return [float(level) for level in noise_level(np.ascontiguousarray(left), order)]
+    each = [noise_level(np.ascontiguousarray(unexplained(fit, rec)), order) for rec in records]
+    return [float(level) for level in np.sqrt(np.mean(np.square(each), axis=0))]
 
 
 def bent(fit: EquationFit) -> bool:
-    """Whether inputs are held, or known at all times, through lines too fast for sums over outputs."""
+    """Whether inputs are held, or known at all times, through lines too fast for sums over outputs.
+
+    Or whether residuals of nonlinear equations are odd, as where signals run fast between samples.
+    """
     options = fit.options
     plain = (options.initial_state, options.robust, options.reference) == ("unknown", False, ())
     plain = plain and options.noise == "output" and not fit.layout.formulas.words["priors"]
     held = any("zoh" in rec.intersample or rec.functions for rec in fit.records or ())
     steps = [rec.duration / rec.intervals for rec in fit.records or ()]
     fast = any(fit.band[1] * step * FINE > 2 * pi for step in steps)
-    return plain and held and fast and not fit.at_bound
+    if not (plain and fast) or fit.at_bound:
+        return False
+    return held or (_whole(fit, fit.records or ()) and fit.success and suspicious(fit))
+
+
+def _whole(fit: EquationFit, records: tuple[Record, ...]) -> bool:
+    """Whether equations are told what they leave of their own response: nonlinear ones over even samples."""
+    return not fit.layout.compiled.is_linear and all([rec.dt is not None for rec in records])
 
 
 def _unfolded(fit: EquationFit, k: int, rec: Record, fine: Record | UnevenSums) -> Record:

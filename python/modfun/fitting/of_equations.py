@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from math import ceil, isqrt, log, nan
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 
 from .._core import TermsFitter, noise_level
 from ..base.arrays import F64, geometric_mean
-from ..equations.layout import EquationLayout, layout_of
+from ..equations.layout import EquationLayout, layout_of, with_excess
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -75,11 +75,13 @@ def prepare_equation(
     learn: bool = True,
     starts: Sequence[float | None] | None = None,
     within: tuple[tuple[float, float], ...] | None = None,
+    less: bool = False,
 ) -> PreparedEquation:
     """What fits of equations share whatever the samples.
 
     `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins,
-    None where it is free; `within`: their bounds instead of those of the equations.
+    None where it is free; `within`: their bounds instead of those of the equations; `less`: whether equations
+    have a known signal each, which is taken from them.
 
     Raises
     ------
@@ -96,6 +98,7 @@ def prepare_equation(
         first = data[0]
         sampling = tuple([(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data])
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(data))
+    layout = with_excess(layout, options.rule) if less else layout
     trend = structure.trend if options.trend == "auto" else options.trend
     levels = levels or _levels(options.noise, len(first.outputs), len(first.inputs))
     words = options.core() | {"trend": trend, "intersample": ()}
@@ -149,11 +152,13 @@ def fit_equation(
     again: Callable[..., Any] | None = None,
     levels: Sequence[float] | None = None,
     starts: Sequence[float] | None = None,
+    less: Sequence[F64] = (),
 ) -> EquationFit:
     """One fit of equations, without its warnings.
 
     `again` makes others like it; `levels`: noise of the outputs where more is known than the high band shows;
-    `starts`: values of the parameters from which the search begins.
+    `starts`: values of the parameters from which the search begins; `less`: samples (equation, time) of each
+    record that are taken from the equations.
     """
     refuse_unknown(options.noise, structure.inputs)
     records = tuple([structure.own_channels(with_inputs(rec, options.noise)) for rec in records])
@@ -165,7 +170,7 @@ def fit_equation(
             records,
             layout,
             options,
-            lambda own: fit_equation(records, structure, options, again, own, starts),
+            lambda own: fit_equation(records, structure, options, again, own, starts, less),
         )
         if alone is not None:
             return alone
@@ -175,7 +180,7 @@ def fit_equation(
         fit = _sought(records, structure, options, layout, again, levels, late, within) if late else None
         if fit and fit.success and not fit.at_bound:
             return fit
-    sought_from = partial(_sought, records, structure, options, layout, again, levels)
+    sought_from = partial(_sought, records, structure, options, layout, again, levels, less=less)
     sought = partial(sought_from, starts)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
         within = None  # a start that was found farther out
@@ -215,6 +220,7 @@ def _sought(
     starts: Sequence[float | None] | None,
     within: tuple[tuple[float, float], ...] | None,
     learnt: bool = True,
+    less: Sequence[F64] = (),
 ) -> EquationFit:
     """The fit within bounds, those of the equations where None; `learnt`: whether levels of noise may be."""
     filled = [(rec, *bridged(rec)) for rec in records]
@@ -229,12 +235,18 @@ def _sought(
 
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
         shown = seen if levels is None else list(levels)
-        made = prepare_equation(structure, options, records, spread, shown, learn and learnt, starts, within)
+        learns = learn and learnt
+        made = prepare_equation(
+            structure, options, records, spread, shown, learns, starts, within, bool(len(less))
+        )
         rows = [
             layout.formulas.rows(y, driving(rec), rec.t, record=k)
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))
         ]
         _refuse_not_finite(layout, rows)
+        if len(less):
+            rows = [np.vstack(both) for both in zip(rows, less, strict=True)]
+            made = replace(made, layout=layout)
         return _of_found(made.core.fit(rows), structure, made, options, records, blurred, again)
 
     outputs = [y for _, y, _, _ in filled]

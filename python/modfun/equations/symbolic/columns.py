@@ -84,7 +84,7 @@ class Columns:
 
     @cached_property
     def _evaluate(self) -> Callable[..., Any]:
-        results, symbols = self.formulas.expressions
+        results, symbols, _ = self.formulas.expressions
         plain = [sympy.Dummy() for _ in symbols]
         to = dict(zip(symbols, plain, strict=True))
         # A kink lies between the samples.

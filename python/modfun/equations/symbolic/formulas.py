@@ -83,15 +83,15 @@ class Formulas:
     noisy : tuple of str
         Names of the noisy channels.
     expressions : tuple of list
-        Signals and slopes as expressions, and the symbols in them: channels, variances, covariances and
-        parameters.
+        Signals and slopes, the symbols in them (channels, variances, covariances and parameters), and the
+        coefficients of the terms.
     """
 
     compiled: Compiled
     words: dict[str, Any]
     channels: tuple[Channel, ...]
     noisy: tuple[str, ...]
-    expressions: tuple[list[sympy.Expr], list[sympy.Symbol]]
+    expressions: tuple[list[sympy.Expr], list[sympy.Symbol], list[sympy.Expr]]
 
     def rows(self, y: F64, u: F64, t: F64, own: bool | None = None, record: int = 0) -> F64:
         """Channels (channel, time) of a record; `own`: only those that differ among records of one input."""
@@ -137,7 +137,7 @@ class Formulas:
 
     def without_value(self, y: F64, u: F64, t: F64) -> tuple[sympy.Expr, sympy.Expr, F64] | None:
         """A logarithm or root in the signals, its argument, and this over a record where it is negative."""
-        results, symbols = self.expressions
+        results, symbols, _ = self.expressions
         given = symbols[: len(self.channels)]
         atoms = set().union(*(expr.atoms(sympy.log, sympy.Pow) for expr in results))
         for one in sorted(atoms, key=str):
@@ -443,7 +443,7 @@ class _Writer:
             "linear": linear,
             "levels_matter": uses_variance or len(noise) > 1,
         }
-        return Formulas(compiled, words, channels, self.noisy, (results, inputs))
+        return Formulas(compiled, words, channels, self.noisy, (results, inputs, self.coefficients))
 
     def _channels(self) -> tuple[Channel, ...]:
         used: set[sympy.Symbol] = set().union(*(expr.free_symbols for expr, _, _ in self.signals))

@@ -1,0 +1,55 @@
+"""Nonlinear equations whose signals jump or run fast between samples: estimates are not biased by that."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import modfun as mf
+import numpy as np
+import pytest
+
+TRUTH = {"mu": 0.4, "Ks": 0.5, "Y": 0.5}
+DILUTION = np.repeat([0.1, 0.25, 0.05, 0.3, 0.15, 0.2, 0.35, 0.1], 24)
+CHEMOSTAT = mf.Equation(
+    ["X' = mu*S/(Ks + S)*X - D*X", "S' = D*(10 - S) - mu*S/(Ks + S)*X/Y"],
+    outputs=["X", "S"], inputs=["D"],
+)  # fmt: skip
+
+
+def chemostat(seed: int, noise: float, every: int) -> mf.Record:
+    """48 h with steps of the dilution, in quarters of an hour or longer steps."""
+    u = np.append(DILUTION, DILUTION[-1])
+    told: dict[str, Any] = {"dt": 0.25, "intersample": "zoh"}
+    y = CHEMOSTAT.model(TRUTH).simulate(u=u, initial_state=[1.0, 5.0], **told)
+    rng = np.random.default_rng(seed)
+    y = y + noise * y.std(axis=1, keepdims=True) * rng.normal(size=y.shape)
+    return mf.Record(
+        y=y[:, ::every], u=u[None, ::every], dt=0.25 * every, outputs=["X", "S"], inputs=["D"],
+        intersample="zoh",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("every", "seed"), [(4, 0), (2, 1), (1, 2)])
+def test_inputs_that_jump_multiply_outputs(every: int, seed: int) -> None:
+    """Hourly samples with next to no noise had mu at 0.3918, and less of that in shorter steps."""
+    fit = mf.fit(chemostat(seed, 1e-4, every), CHEMOSTAT)
+    assert fit.params == pytest.approx(list(TRUTH.values()), abs=2e-4)
+    assert not any(word in str(fit.check()) for word in ("missing", "First try"))
+
+
+@pytest.mark.parametrize(("every", "noise"), [(4, 0.03), (1, 0.01)])
+def test_intervals_cover(every: int, noise: float) -> None:
+    """Of 36 intervals for mu 20 held in hourly samples, and errors were -2.3 standard errors on average.
+
+    Means of 12 errors in standard errors scatter by 0.29: 4 times that fails for 1 in 5,000 such tests.
+    """
+    fits = [mf.fit(chemostat(100 + seed, noise, every), CHEMOSTAT) for seed in range(12)]
+    z = np.array([[(fit[name] - value) / fit.bse[name] for name, value in TRUTH.items()] for fit in fits])
+    assert np.max(np.abs(z.mean(axis=0))) < 1.2
+    assert np.sum(np.abs(z[:, 0]) < 2.5) >= 10
+
+
+def test_several_records() -> None:
+    records = [chemostat(k, 1e-4, every) for k, every in enumerate((4, 2))]
+    fit = mf.fit(records, CHEMOSTAT)
+    assert fit.params == pytest.approx(list(TRUTH.values()), abs=2e-4)
