@@ -34,6 +34,7 @@ __all__ = ["Equation"]
 
 Basis = str | Callable[[Any], ArrayLike] | ArrayLike
 _EQUALS = re.compile(r"(?<![<>=])=(?!=)")
+_TAKEN = frozenset(RESERVED) - {"e"}  # as efficiencies are called
 _OUTPUT, _INPUT = re.compile(r"y\d*"), re.compile(r"u\d*")
 
 
@@ -47,10 +48,10 @@ class Equation(Written):
         Such as ``"y'' + d*y' + a*y + b*y**3 = u"``; several as a list, or as lines of one text.
         Derivatives are primes, on signals, on expressions ``(y**2)'`` and on coefficients ``c(t)'``, or
         ``D(expression, order)``. ``t`` is time in s, ``pi`` the number 3.14159…, never a parameter or a
-        signal; Euler's number is ``exp(1)``, since ``e`` might be either and is refused. ``y(t - h)`` is
-        y delayed by h seconds, a number or a parameter; functions and operators are those of input texts
-        (`modfun.language.evaluate.evaluate`). Every other name is a parameter. Text is parsed, never
-        executed.
+        signal. ``e`` is a parameter; Euler's number is ``exp(1)``, and ``e**x``, which might be either, is
+        refused. ``y(t - h)`` is y delayed by h seconds, a number or a parameter; functions and operators are
+        those of input texts (`modfun.language.evaluate.evaluate`). Every other name is a parameter.
+        Text is parsed, never executed.
     outputs, inputs : sequence of str, optional
         Measured signals by their names. Default: y, y1, y2, … and u, u1, … as far as they occur; without a y,
         the output is the signal with primes, if there is one such. Outputs are noisy, inputs are known.
@@ -114,10 +115,10 @@ class Equation(Written):
         )
         for one in parsed:
             for node in one.tree.walk():
-                if node.kind == "name" and node.value == "e":
+                if node.is_exponential:
                     one.refuse(node.at, node.end, EULER)
         nodes = [node for one in parsed for node in one.tree.walk() if node.kind == "name"]
-        names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in RESERVED))
+        names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in _TAKEN))
         coefficients = _varying(varying)
         given = [
             None if signals is None else channel_names("Equation", what, signals)
@@ -136,7 +137,7 @@ class Equation(Written):
         unmeasured = list(given[2] or ())
         for node in nodes:
             name = str(node.value)
-            if node.primes and name not in (*measured, *unmeasured, *coefficients, *RESERVED):
+            if node.primes and name not in (*measured, *unmeasured, *coefficients, *_TAKEN):
                 unmeasured.append(name)
         if outputs is None and not given[0] and not given[2] and len({*unmeasured}) == 1:
             given[0], measured, unmeasured = (unmeasured[0],), (unmeasured[0], *measured), []

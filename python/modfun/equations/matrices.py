@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.arguments import shown
 from ..errors import SpecError
-from ..language.parser import CONSTANTS, expression
+from ..language.parser import expression
 
 __all__ = [
     "Entry",
@@ -132,7 +132,7 @@ def names_in(*matrices: Matrix) -> list[str]:
     """Names in the entries, as often as they stand there."""
     texts = [one for matrix in matrices for row in matrix for one in row if isinstance(one, str)]
     nodes = [node for text in texts for node in expression(text).tree.walk() if node.kind == "name"]
-    return [str(node.value) for node in nodes if node.value not in CONSTANTS]
+    return [str(node.value) for node in nodes if node.value != "pi"]
 
 
 def line(left: str, entries: Iterable[tuple[Entry, str]]) -> str:

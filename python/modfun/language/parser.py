@@ -40,7 +40,8 @@ FUNCTIONS: dict[str, tuple[int, Callable[..., Any]]] = {
 }
 CONSTANTS = {"pi": np.float64(np.pi), "e": np.float64(np.e)}
 EULER = (
-    "may be a parameter or Euler's number: take another name for a parameter, and write exp(1) for the number"
+    "may be a power of a parameter or of Euler's number: take another name for a parameter, and write "
+    "exp(...) for the exponential"
 )
 _SIGNS = "numbers, + - * / ** % < <= > >=, parentheses"
 _CALLS = ", ".join(FUNCTIONS)
@@ -102,6 +103,13 @@ class Node:
         yield self
         for part in self.parts:
             yield from part.walk()
+
+    @property
+    def is_exponential(self) -> bool:
+        """Whether it is e**x, in which e is rather Euler's number than a parameter."""
+        if self.kind != "power" or (self.parts[0].kind, self.parts[0].value) != ("name", "e"):
+            return False
+        return any(node.kind == "name" for node in self.parts[1].walk())
 
 
 @dataclass(frozen=True)

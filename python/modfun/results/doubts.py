@@ -365,9 +365,12 @@ def noise_free(fit: Estimates) -> str | None:
     if not fit.records or fit.noise_cov.shape != (len(fit.outputs),) * 2 or fit.process_levels is not None:
         return None
     levels = np.sqrt(np.diag(fit.noise_cov))
+    ys = [rec.y for rec in fit.records]
+    if fit.options.noise == "log-normal":  # levels are those of the logarithms
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ys = [np.log(y) for y in ys]
     spread = np.sqrt([
-        np.mean([rms(rec.y[i], float(rec.y[i].mean())) ** 2 for rec in fit.records])
-        for i in range(len(fit.outputs))
+        np.mean([rms(y[i], float(y[i].mean())) ** 2 for y in ys]) for i in range(len(fit.outputs))
     ])  # fmt: skip
     # One scale for all outputs does not say in which of them the errors are.
     each = levels / spread

@@ -129,7 +129,7 @@ def test_random_arithmetic_agrees_with_python():
         ("y' + a' = u", "a is not measured", "stands in one equation only"),
         ("y' + k*D(y*t)' + (3 + k)' = k(t)", "k(t)", "named in varying="),
         ("y' + foo(y) = u", "foo(y)", "not a function"),
-        ("y' + e*y = u", "'e' at character 6", "write exp(1) for the number"),
+        ("y' + e**y = u", "'e**y' at character 6", "write exp(...) for the exponential"),
         ("y' + a(b - c) = u", "a(b - c)", "A product is written with *"),
         ("y' + y(a + b) = u", "y(a + b)", "write y(t - h)"),
         ("y' + y(t + 1) = u", "y(t + 1)", "write y(t - h)"),
@@ -334,7 +334,7 @@ def test_without_a_y_the_only_signal_with_primes_is_the_output():
         ("xdot = a*x", "the derivative of x is written x', did you mean that for xdot?"),
         ("dx/dt = a*x", "the derivative of x is written x', did you mean that for dx/dt?"),
         ("x_dot = a*x", "the derivative of x is written x', did you mean that for x_dot?"),
-        ("x' = a*e**x", "write exp(1) for the number"),
+        ("x' = a*e**x", "write exp(...) for the exponential"),
     ],
 )
 def test_derivatives_in_another_spelling_are_refused_at_once(text, cure):
@@ -356,3 +356,16 @@ def test_lines_of_one_text_are_equations(mark):
     lines = ["x' = a*x - b*x*z", "z' = -c*z + d*x*z"]
     assert mf.Equation(mark.join(lines), outputs=["x", "z"]) == mf.Equation(lines, outputs=["x", "z"])
     assert mf.Equation("y' + a*y\n  = b*u").texts == ("y' + a*y\n  = b*u",)  # one over two lines
+
+
+def test_e_is_a_parameter() -> None:
+    """The efficiency of a predator is always called e."""
+    chemostat = mf.Equation(["x' = r*x - a*x*y", "y' = e*a*x*y - d*y"], outputs=["x", "y"])
+    assert chemostat.param_names() == ("r", "a", "e", "d")
+    truth = {"r": 1.0, "a": 0.5, "e": 0.4, "d": 0.3}
+    y = chemostat.model(truth).simulate(dt=0.1, intervals=300, initial_state=[2.0, 1.0])
+    fit = mf.fit(mf.Record(y=y, dt=0.1, outputs=["x", "y"]), chemostat)
+    assert fit.params == pytest.approx([1.0, 0.5, 0.4, 0.3], rel=1e-4)
+    assert fit.derived(q="e*a")["value"][0] == pytest.approx(0.2, rel=1e-4)
+    assert mf.StateSpace([["-e"]], [["b"]]).param_names() == ("e", "b")
+    assert mf.Equation("y' + e**2*y = u").param_names() == ("e",)

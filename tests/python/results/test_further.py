@@ -145,3 +145,14 @@ def test_no_unstable_structure_is_the_cure_of_a_stable_fit():
     y += 0.02 * np.random.default_rng(0).standard_normal(t.size)
     with pytest.warns(mf.ModfunWarning, match="First try one more pole, poles=2, zeros=0"):
         mf.fit(mf.Record(y=y, u=u, dt=0.05), mf.TransferFunction(poles=1, zeros=0))
+
+
+def test_noise_of_logarithms_is_that_of_logarithms():
+    """It was compared with the scatter of the counts: 5 % noise was none, and no test looked at it."""
+    t = np.arange(61.0)
+    counts = np.random.default_rng(1).poisson(20000 * np.exp(-0.05 * t)).astype(float)
+    fit = mf.fit(mf.Record(y=counts, dt=1.0), mf.Equation("y' = -k*y"), noise="log-normal")
+    assert "no noise to test" not in str(fit.check())
+    still = 20000 * np.exp(-0.05 * t + 1e-7 * np.random.default_rng(1).normal(size=t.size))
+    fit = mf.fit(mf.Record(y=still, dt=1.0), mf.Equation("y' = -k*y"), noise="log-normal")
+    assert "no noise to test" in str(fit.check())

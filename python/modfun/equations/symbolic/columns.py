@@ -13,7 +13,7 @@ import sympy
 from ...base.arrays import F64
 from ...base.cached import cached_property
 from ...errors import DataError, SpecError
-from ...language.parser import CONSTANTS, expression
+from ...language.parser import expression
 from ...records.forms import Forms
 from .compiled import Compiled, Term
 from .exact import NotExact, form, pieces
@@ -129,7 +129,7 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
         A text outside the language, with a name that is not a channel, or with a delay.
     """
     moving, parsed = Moving({*outputs, *inputs}), expression(text, "term")
-    known = (*outputs, *inputs, "t", *CONSTANTS)
+    known = (*outputs, *inputs, "t", "pi")
     named = [str(node.value) for node in parsed.tree.walk() if node.kind == "name"]
     if strangers := [name for name in named if name not in known]:
         channels = ", ".join((*outputs, *inputs))

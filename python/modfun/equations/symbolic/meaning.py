@@ -8,7 +8,7 @@ from typing import Any, NoReturn
 import sympy
 
 from ...base.names import nearest
-from ...language.parser import CONSTANTS, EULER, FUNCTIONS, Node, Text
+from ...language.parser import EULER, FUNCTIONS, Node, Text
 from .compiled import jet, time
 from .jets import Jump, Moving
 
@@ -19,7 +19,6 @@ MOST_OPERATIONS = 400  # of an expression that is differentiated
 MOST_BITS = 8000
 MOST_EXPONENT = 1020
 
-_CONSTANTS = {"pi": sympy.pi, "e": sympy.E}
 _BOOLEAN = (sympy.core.relational.Relational, sympy.logic.boolalg.BooleanAtom)
 _OWN: dict[str, Callable[..., Any]] = {
     "abs": sympy.Abs,
@@ -97,6 +96,8 @@ class _Meaning:
                 return self.name(node)
             case "prime":
                 return self.derivative(node, self.of(node.parts[0]), node.value)
+            case "power" if node.is_exponential:
+                self.refuse(node, EULER)
             case "power":
                 return self.power(node, *map(self.of, node.parts))
             case "call" if node.value == "D":
@@ -146,10 +147,8 @@ class _Meaning:
             )
         if name == "t":
             return time
-        if name == "e":
-            self.refuse(node, EULER)
-        if name in CONSTANTS:
-            return _CONSTANTS[name]
+        if name == "pi":
+            return sympy.pi
         return number(self.fixed[name]) if name in self.fixed else parameter(name)
 
     def late(self, node: Node) -> sympy.Expr:
@@ -219,4 +218,4 @@ def _small(base: sympy.Expr, exponent: sympy.Expr) -> bool:
         return bool(bits * abs(int(exponent)) <= MOST_BITS // 4)
     if base.is_Rational and exponent.is_Rational:
         return bool(max(abs(base.p), base.q) < 10**6 and max(abs(exponent.p), exponent.q) <= MOST_POWER)
-    return base in _CONSTANTS.values() and bool(exponent.is_Rational) and bool(abs(exponent) <= MOST_POWER)
+    return base in (sympy.pi, sympy.E) and bool(exponent.is_Rational) and bool(abs(exponent) <= MOST_POWER)
