@@ -20,7 +20,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, LEVER, ZERO, absurd, integrals, neighbours
+from .neighbours import EXTRA, LEVER, ZERO, absurd, integrals, neighbours, singular
 from .refits import lengthy, starts_beside
 from .rewritten import in_words, rewritten
 from .shifts import Shift, likeliest_shift
@@ -212,7 +212,7 @@ def _of_group(
         bar = moved.after + CLOSE if moved and lever else best
         if not (isfinite(after) and after < bar) or _odd_time(fit, words, extra) or absurd(fit, key, extra):
             continue
-        if words.startswith("a delay") and _part_of_a_step(fit, other, extra):
+        if singular(other) or (words.startswith("a delay") and _part_of_a_step(fit, other, extra)):
             continue
         found, chosen = Cure(words.replace("{}", f"{extra:.3g}"), before, after, level_p(other)), key
         # Of twins in several equations the first is likelier.
