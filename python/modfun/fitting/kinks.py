@@ -60,7 +60,9 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
             start = refit(seen, fit.structure, fit.options)
         start = replace(start, layout=fit.layout, intersample=fit.intersample, records=fit.records)
         found = _settled(start, fit.records, refit) if start.success else None
-    return fit if found is None else replace(found, options=fit.options, again=fit.again)
+    if found is None:
+        return replace(fit, unsettled=fit.success and _whole(fit, fit.records))
+    return replace(found, options=fit.options, again=fit.again)
 
 
 def _large(fit: EquationFit, records: tuple[Record, ...]) -> bool:

@@ -54,6 +54,8 @@ class EquationFit(Fit):
         The records where they have inputs that the equations do not name; else none.
     unfolded : tuple of Record
         The records without what sampling folds into the lines under held inputs, where that was taken out.
+    unsettled : bool
+        Whether what sums over the samples err by could not be taken out of nonlinear equations.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
@@ -63,6 +65,7 @@ class EquationFit(Fit):
     other_signs: F64 | None = None
     unnamed: tuple[Record, ...] = ()
     unfolded: tuple[Record, ...] = ()
+    unsettled: bool = False
 
     @property
     def trend(self) -> str | None:

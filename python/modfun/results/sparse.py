@@ -13,6 +13,7 @@ from ..models.options import Options
 from .cures import again
 from .doubts import Doubt, rms
 from .estimates import Estimates
+from .misfit import suspicious
 
 __all__ = ["of_sums", "sparse"]
 
@@ -35,7 +36,7 @@ def sparse(fit: Estimates) -> Doubt | None:
     if not fit.usable or fit.options.noise != "output" or fit.df_resid < 1:
         return None
     if all(rec.dt is not None for rec in fit.records or ()):
-        return None
+        return _unsettled(fit)
     from scipy.special import fdtrc
 
     for rec, levels in zip(fit.records or (), fit.noise_levels, strict=False):
@@ -56,6 +57,20 @@ def sparse(fit: Estimates) -> Doubt | None:
                     f"{np.diff(rec.t).max():.3g} s apart, or the model is another. {CURE}"
                 )
     return None
+
+
+def _unsettled(fit: Estimates) -> Doubt | None:
+    """That sums over even samples err by what the fit's own response could not tell, and residuals are quiet.
+
+    Louder ones have a doubt of their own.
+    """
+    if not getattr(fit, "unsettled", False) or suspicious(fit):  # of equations
+        return None
+    step = max(float(rec.dt or 0.0) for rec in fit.records or ())
+    return Doubt(
+        f"The signals move between samples, which are {step:.3g} s apart, so that sums over them err, and "
+        f"rounds by the fit's own response between them did not settle. {CURE}"
+    )
 
 
 def of_sums(

@@ -65,3 +65,9 @@ def test_signals_faster_than_the_samples() -> None:
     fit = mf.fit(mf.Record(y=y, dt=0.4), RELAXING)
     assert fit["mu"] == pytest.approx(3.0, abs=0.04)
     assert fit.bse[0] < 0.04
+
+
+def test_samples_too_far_apart_are_named() -> None:
+    """Two samples in each step of the input: mu was 0.32, 3 of its errors off, in silence."""
+    with pytest.warns(mf.ModfunWarning, match=r"which are 3 s apart, so that sums over them err"):
+        mf.fit(chemostat(501, 0.02, 12), CHEMOSTAT)
