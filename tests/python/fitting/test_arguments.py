@@ -53,6 +53,44 @@ def test_an_exponent_needs_no_start(n, seed):
     assert np.all(np.abs(fit.params - [0.5, n, 1.0]) < 4 * fit.bse)
 
 
+COOLANT = np.array([300.0, 305, 296, 301, 292, 303, 298, 300])  # K, for 3 min each
+REACTOR = [
+    "c' = 1 - c - k*exp(-E*(1/T - 1/350))*c",
+    "T' = 350 - T + H*k*exp(-E*(1/T - 1/350))*c + U*(Tc - T)",
+]
+
+
+def reactor():
+    """Concentration and temperature of an exothermic stirred reactor at 480 intervals, and its coolant."""
+    t = np.linspace(0, 24, 481)
+    held = COOLANT[np.minimum((t + 1e-9) // 3, 7).astype(int)]
+
+    def rate(x, coolant):
+        r = np.exp(-8750 * (1 / x[1] - 1 / 350)) * x[0]
+        return [1 - x[0] - r, 350 - x[1] + 209 * r + 2.09 * (coolant - x[1])]
+
+    x, pieces = np.array([0.5, 350.0]), []
+    for coolant in COOLANT:
+        at = np.linspace(0, 3, 61)
+        piece = solve_ivp(
+            lambda _, x, coolant=coolant: rate(x, coolant), (0, 3), x, t_eval=at, method="LSODA", rtol=1e-9
+        ).y
+        pieces.append(piece[:, :-1])
+        x = piece[:, -1]
+    return t, np.hstack([*pieces, x[:, None]]), held
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_an_activation_energy_needs_no_start(seed):
+    """The search ran to E = 65536, and then out of the range of numbers: its exponential grew e**30-fold."""
+    t, x, held = reactor()
+    noise = 0.02 * x.std(axis=1, keepdims=True) * np.random.default_rng(seed).standard_normal(x.shape)
+    rec = mf.Record(y=x + noise, u=held, t=t, outputs=["c", "T"], inputs=["Tc"], intersample="zoh")
+    fit = mf.fit(rec, mf.Equation(REACTOR, outputs=["c", "T"], inputs=["Tc"]))
+    assert fit.success
+    assert np.all(np.abs(fit.params - [1.0, 8750.0, 209.0, 2.09]) < 4 * fit.bse)
+
+
 @pytest.mark.parametrize("start", [0.5, 1.5, 1.6, 2.0])
 def test_a_start_beside_a_false_minimum_is_left(start):
     """From 1.5 and 1.6 the frequency of the forcing, 1.7, was not found, and a was -0.04 for 0.4."""

@@ -8,10 +8,13 @@ from .compiled import Compiled, Delayed, jet
 
 __all__ = ["multiplied"]
 
+STEEP = (sympy.exp, sympy.Pow, sympy.sinh, sympy.cosh)  # which overflow, unlike sines and tanh
 
-def multiplied(compiled: Compiled) -> list[tuple[int, list[sympy.Expr], bool]]:
+
+def multiplied(compiled: Compiled) -> list[tuple[int, list[tuple[sympy.Expr, bool]], bool]]:
     """Position of each free parameter without start, bounds or prior that stands in functions; what it
-    multiplies there, of outputs and inputs; and whether its sign is a matter of taste.
+    multiplies there, of outputs and inputs, and whether in exponentials; and whether its sign is a matter of
+    taste.
     """
     found = []
     measured = {jet(name) for name in (*compiled.outputs, *compiled.inputs)}
@@ -28,9 +31,11 @@ def multiplied(compiled: Compiled) -> list[tuple[int, list[sympy.Expr], bool]]:
         if any(p in t.xreplace(held).free_symbols for t in terms):
             continue
         slopes = [
-            sympy.diff(_argument(one), p) for one in held if isinstance(one, sympy.Pow) or len(one.args) == 1
+            (sympy.diff(_argument(one), p), isinstance(one, STEEP))
+            for one in held
+            if isinstance(one, sympy.Pow) or len(one.args) == 1
         ]
-        seen = all(w.free_symbols and w.free_symbols <= measured for w in slopes)
+        seen = all(w.free_symbols and w.free_symbols <= measured for w, _ in slopes)
         if seen and len(slopes) == len(held):
             found.append((k, slopes, all(_keeps(t, p, compiled) for t in terms)))
     return found
