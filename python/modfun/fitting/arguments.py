@@ -13,7 +13,7 @@ from ..equations.layout import EquationLayout
 from ..records.corners import driving
 from ..records.record import Record
 
-__all__ = ["sensible"]
+__all__ = ["inside", "sensible"]
 
 # Largest argument over the range of a signal: beyond some five periods of a sine, what its noise does to it
 # follows any record.
@@ -30,11 +30,11 @@ def sensible(layout: EquationLayout, records: Sequence[Record]) -> tuple[tuple[f
 
     None where there are no such parameters. Powers of two: records alike share what is prepared for them.
     """
-    inside = _inside(layout)
-    if not inside:
+    found = inside(layout)
+    if not found:
         return None
     bounds = list(layout.formulas.words["bounds"])
-    for k, slopes, even in inside:
+    for k, slopes, even in found:
         widest = 0.0
         for rec in records:
             for expr, steep in slopes:
@@ -51,7 +51,8 @@ def sensible(layout: EquationLayout, records: Sequence[Record]) -> tuple[tuple[f
 
 
 @lru_cache(KEPT)
-def _inside(layout: EquationLayout) -> list[tuple[int, Any, bool]]:
+def inside(layout: EquationLayout) -> list[tuple[int, Any, bool]]:
+    """What parameters multiply inside functions: see `equations.symbolic.arguments.multiplied`."""
     if layout.formulas.words["linear"] or not layout.formulas.words["signal_slopes"]:
         return []
     from ..equations.symbolic.arguments import multiplied

@@ -26,6 +26,7 @@ from ..results.diagnosis import level_ratio
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
+from .centred import centred_starts
 from .delay_starts import delay_starts
 from .few_lines import at_least_white
 from .gaps import across, blind, bridged, relative, variances
@@ -176,6 +177,11 @@ def fit_equation(
         if fit and fit.success and not fit.at_bound:
             return fit
     sought_from = partial(_sought, records, structure, options, layout, again, levels)
+    if within and starts is None:
+        fitted = partial(fit_equation, levels=levels)
+        centred = centred_starts(structure, layout, records, options, within, fitted)
+        if centred and (fit := sought_from(centred, None)).success:
+            return fit
     sought = partial(sought_from, starts)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
         within = None  # a start that was found farther out

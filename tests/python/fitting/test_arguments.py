@@ -1,8 +1,12 @@
 """Parameters inside functions are found without a start, in the range that the signals tell."""
 
+from dataclasses import replace
+
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.fitting.single import fit_quietly
+from modfun.models.options import Options
 from scipy.integrate import solve_ivp
 
 T = np.linspace(0.0, 20.0, 513)
@@ -80,15 +84,30 @@ def reactor():
     return t, np.hstack([*pieces, x[:, None]]), held
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_an_activation_energy_needs_no_start(seed):
+ARRHENIUS = "k*exp(-E*(1/T - 1/350))"
+
+
+@pytest.mark.parametrize(("text", "factor"), [(ARRHENIUS, 1.0), ("k*exp(-E/T)", np.exp(25.0))])
+def test_an_activation_energy_needs_no_start(text, factor):
     """The search ran to E = 65536, and then out of the range of numbers: its exponential grew e**30-fold."""
     t, x, held = reactor()
-    noise = 0.02 * x.std(axis=1, keepdims=True) * np.random.default_rng(seed).standard_normal(x.shape)
+    noise = 0.01 * x.std(axis=1, keepdims=True) * np.random.default_rng(1).standard_normal(x.shape)
     rec = mf.Record(y=x + noise, u=held, t=t, outputs=["c", "T"], inputs=["Tc"], intersample="zoh")
-    fit = mf.fit(rec, mf.Equation(REACTOR, outputs=["c", "T"], inputs=["Tc"]))
+    model = mf.Equation([one.replace(ARRHENIUS, text) for one in REACTOR], outputs=["c", "T"], inputs=["Tc"])
+    fit = fit_quietly((rec,), model, Options.checked("fit"))
     assert fit.success
-    assert np.all(np.abs(fit.params - [1.0, 8750.0, 209.0, 2.09]) < 4 * fit.bse)
+    assert np.all(np.abs(fit.params - [factor, 8750.0, 209.0, 2.09]) < 4 * fit.bse)
+
+
+def test_a_search_that_overflows_names_its_exponential():
+    """The message told users to look for samples without a value, and these were sound."""
+    t, x, held = reactor()
+    rec = mf.Record(y=x, u=held, t=t, outputs=["c", "T"], inputs=["Tc"], intersample="zoh")
+    fit = fit_quietly((rec,), mf.Equation(REACTOR, outputs=["c", "T"], inputs=["Tc"]), Options.checked("fit"))
+    told = replace(fit, status="nonfinite").message
+    assert "the search took exp(-E*(-0.00285714 + 1/T)) out of it" in told
+    assert "params={'E': mf.Free(start, min=..., max=...)}" in told
+    assert "samples" not in told
 
 
 @pytest.mark.parametrize("start", [0.5, 1.5, 1.6, 2.0])
