@@ -26,6 +26,7 @@ from ..results.diagnosis import level_ratio
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from .arguments import sensible
+from .centred import centred_starts
 from .delay_starts import delay_starts
 from .few_lines import at_least_white
 from .gaps import across, blind, bridged, relative, variances
@@ -181,6 +182,11 @@ def fit_equation(
         if fit and fit.success and not fit.at_bound:
             return fit
     sought_from = partial(_sought, records, structure, options, layout, again, levels, less=less)
+    if within and starts is None:
+        fitted = partial(fit_equation, levels=levels)
+        centred = centred_starts(structure, layout, records, options, within, fitted)
+        if centred and (fit := sought_from(centred, None)).success:
+            return fit
     sought = partial(sought_from, starts)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
         within = None  # a start that was found farther out
@@ -257,8 +263,21 @@ def _sought(
     if quiet and not fit.success:  # a level ran away, so that its output counted for nothing
         told = told or fitted(outputs, learn=False)
         fit = told if told.success else fit
+    elif learns and fit.success and _at_the_cost_of_others(fit):
+        told = fitted(outputs, learn=False)
+        fit = told if told.success else fit
     blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
     return across(fit, outputs, blinds, fitted)
+
+
+def _at_the_cost_of_others(fit: EquationFit) -> bool:
+    """Whether the level of a record ran to nothing, which its parameters then fit alone, and others' rose.
+
+    With a lag that is not there levels of 0.0075, 0.068 and 0.26 were learnt of one sensor in three records
+    of a Duffing oscillator, for a noise of 0.08, and BIC fell by 130.
+    """
+    over = fit.levels / fit.seen
+    return bool(np.any((over.min(axis=0) < 1 / AWAY) & (over.max(axis=0) > 1.0)))
 
 
 def _quiet(records: Sequence[Record], order: int) -> bool:

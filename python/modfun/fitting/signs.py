@@ -27,13 +27,15 @@ MIRRORED = 1e-3  # relative difference of costs within which searches end at the
 
 
 def positive(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
-    """The fit with positive exponents, where their other signs make the same equations.
+    """The fit with positive exponents and factors, where other signs make the same equations.
 
     `sought(starts, within)`: the fit from there. Exponents with a start keep the sign that it leads to.
     """
     words: Any = fit.layout.formulas.words
-    if words["linear"] or not words["signal_slopes"] or not fit.usable:
+    if words["linear"] or not fit.usable:
         return fit
+    if not words["signal_slopes"]:
+        return _upright(fit, sought)
     from ..equations.symbolic.mirrors import exponents, mirrors
 
     at = [k for k in exponents(fit.layout.compiled) if words["starts"][k] is None]
@@ -46,7 +48,39 @@ def positive(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
             found = sought(other.tolist(), within)  # with bounds: the search has starts of its own
             if found.success and found.cost <= (1 + MIRRORED) * fit.cost:
                 return found
+    return _upright(fit, sought)
+
+
+def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
+    """The fit with fewer parameters below 0, where another set makes the same equations.
+
+    g/L*sin(th - o) is the same with -L and o + pi: searches for the offset of an encoder ended at L < 0 in
+    one of eight records. Of such sets the one of least norm is taken, which has o within half a turn.
+    """
+    words: Any = fit.layout.formulas.words
+    free = _untold(words)
+    below = np.sum(fit.params[free] < 0)
+    if not below:
+        return fit
+    from ..equations.symbolic.twins import twins
+
+    others = [x for x in twins(fit.layout.compiled, fit.params) if np.sum(x[free] < 0) < below]
+    for other in sorted(others, key=lambda x: (np.sum(x[free] < 0), np.linalg.norm(x / fit.params)))[:1]:
+        turned = free & (fit.params < 0) & (other > 0)
+        within = tuple(
+            (0.0 if is_turned else low, high)
+            for is_turned, (low, high) in zip(turned, words["bounds"], strict=True)
+        )
+        found = sought(other.tolist(), within)
+        if found.success and found.cost <= (1 + MIRRORED) * fit.cost:
+            return found
     return fit
+
+
+def _untold(words: Any) -> Any:
+    """Which parameters have neither a start nor a lower bound, and may be positive."""
+    told = zip(words["starts"], words["bounds"], strict=True)
+    return np.array([start is None and low == -inf and high > 0 for start, (low, high) in told])
 
 
 def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
@@ -59,10 +93,7 @@ def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> Equation
     words: Any = fit.layout.formulas.words
     if words["linear"] or not fit.usable or not compared(fit.layout.compiled):
         return fit
-    free = [
-        start is None and low == -inf and high > 0
-        for start, (low, high) in zip(words["starts"], words["bounds"], strict=True)
-    ]
+    free = _untold(words)
     if not np.any(free & (fit.params < 0)):
         return fit
     within = tuple(

@@ -55,6 +55,7 @@ from .known_drift import drifting
 from .known_start import contradicted_p, gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
+from .lopsided import lopsided
 from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
 from .multiplied import misweighted, multiplied
 from .noise_modes import noise_mode
@@ -477,6 +478,7 @@ def check(fit: Estimates, line: str) -> Findings:
         found += [
             None if said[wandering] else undeclared(whole),
             biased(fit),
+            lopsided(fit),
             minima(fit),
             few_samples(fit),
             in_hertz(fit),

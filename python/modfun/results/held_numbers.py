@@ -113,7 +113,7 @@ def _estimated(fit: Estimates) -> tuple[Any, Sequence[Number], Estimates] | None
     if fit.again is None or fit.records is None or fit.options.drives:
         return None
     made = _freed(fit.structure)
-    other = again(fit, fit.records, made[0], _options(fit)) if made else None
+    other = again(fit, fit.records, made[0], _options(fit), near=fit.success) if made else None
     return (*made, other) if made and other is not None and other.success else None
 
 

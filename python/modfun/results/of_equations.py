@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from .._core import noise_level
 from ..base.arguments import reals
 from ..base.arrays import F64, geometric_mean
+from ..base.names import listed
 from ..base.student import root
 from ..equations.layout import EquationLayout
 from ..equations.nonlinear import model_of
@@ -119,6 +120,8 @@ class EquationFit(Fit):
                 "narrower band."
             )
         if self.status == "nonfinite":
+            if overflow := self._overflow():
+                return overflow
             if not (told := self._without_value()) and not self._may_lack_values():
                 return (
                     "The numbers left the range of floating point: the search ran away. First see that each "
@@ -146,11 +149,33 @@ class EquationFit(Fit):
             "record that moves more or longer."
         )
 
+    def _overflow(self) -> str:
+        """That an exponential with parameters inside overflowed, where all samples have values."""
+        if self._without_value() or self._absurd():
+            return ""
+        from ..equations.symbolic.arguments import exponentials
+        from ..equations.symbolic.words import said
+
+        steep = exponentials(self.layout.compiled)
+        if not steep:
+            return ""
+        names = dict.fromkeys([name for _, own in steep for name in own])
+        given = ", ".join(f"{name!r}: mf.Free(start, min=..., max=...)" for name in names)
+        return (
+            "The numbers left the range of floating point: the search took "
+            f"{listed([said(one) for one, _ in steep])} out of it. First give starts and bounds of what "
+            f"stands inside, params={{{given}}}."
+        )
+
+    def _absurd(self) -> bool:
+        """Whether samples are so large that their powers overflow."""
+        return any(
+            np.max(np.abs(rec.y), initial=0.0, where=np.isfinite(rec.y)) > HUGE for rec in self.records or ()
+        )
+
     def _may_lack_values(self) -> bool:
         """Whether the equations have logarithms, roots or quotients of signals, or samples that overflow."""
-        if any(
-            np.max(np.abs(rec.y), initial=0.0, where=np.isfinite(rec.y)) > HUGE for rec in self.records or ()
-        ):
+        if self._absurd():
             return True
         texts = getattr(self.structure, "texts", None)  # a state space has none of them
         if texts is None or self.layout.compiled.hidden:  # elimination divides and takes logarithms

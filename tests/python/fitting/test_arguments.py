@@ -1,8 +1,13 @@
 """Parameters inside functions are found without a start, in the range that the signals tell."""
 
+import time
+from dataclasses import replace
+
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.fitting.single import fit_quietly
+from modfun.models.options import Options
 from scipy.integrate import solve_ivp
 
 T = np.linspace(0.0, 20.0, 513)
@@ -51,6 +56,67 @@ def test_an_exponent_needs_no_start(n, seed):
     fit = mf.fit(mf.Record(y=y + noise, u=1 + np.sin(t), dt=t[1]), mf.Equation("y' + k*y**n = b*u"))
     assert fit.success
     assert np.all(np.abs(fit.params - [0.5, n, 1.0]) < 4 * fit.bse)
+
+
+COOLANT = np.array([300.0, 305, 296, 301, 292, 303, 298, 300])  # K, for 3 min each
+REACTOR = [
+    "c' = 1 - c - k*exp(-E*(1/T - 1/350))*c",
+    "T' = 350 - T + H*k*exp(-E*(1/T - 1/350))*c + U*(Tc - T)",
+]
+
+
+def reactor():
+    """Concentration and temperature of an exothermic stirred reactor at 480 intervals, and its coolant."""
+    t = np.linspace(0, 24, 481)
+    held = COOLANT[np.minimum((t + 1e-9) // 3, 7).astype(int)]
+
+    def rate(x, coolant):
+        r = np.exp(-8750 * (1 / x[1] - 1 / 350)) * x[0]
+        return [1 - x[0] - r, 350 - x[1] + 209 * r + 2.09 * (coolant - x[1])]
+
+    x, pieces = np.array([0.5, 350.0]), []
+    for coolant in COOLANT:
+        at = np.linspace(0, 3, 61)
+        piece = solve_ivp(
+            lambda _, x, coolant=coolant: rate(x, coolant), (0, 3), x, t_eval=at, method="LSODA", rtol=1e-9
+        ).y
+        pieces.append(piece[:, :-1])
+        x = piece[:, -1]
+    return t, np.hstack([*pieces, x[:, None]]), held
+
+
+ARRHENIUS = "k*exp(-E*(1/T - 1/350))"
+
+
+@pytest.mark.parametrize(("text", "factor"), [(ARRHENIUS, 1.0), ("k*exp(-E/T)", np.exp(25.0))])
+def test_an_activation_energy_needs_no_start(text, factor):
+    """The search ran to E = 65536, and then out of the range of numbers: its exponential grew e**30-fold."""
+    t, x, held = reactor()
+    noise = 0.01 * x.std(axis=1, keepdims=True) * np.random.default_rng(1).standard_normal(x.shape)
+    rec = mf.Record(y=x + noise, u=held, t=t, outputs=["c", "T"], inputs=["Tc"], intersample="zoh")
+    model = mf.Equation([one.replace(ARRHENIUS, text) for one in REACTOR], outputs=["c", "T"], inputs=["Tc"])
+    fit = fit_quietly((rec,), model, Options.checked("fit"))
+    assert fit.success
+    assert np.all(np.abs(fit.params - [factor, 8750.0, 209.0, 2.09]) < 4 * fit.bse)
+
+
+def test_a_search_that_overflows_names_its_exponential():
+    """The message told users to look for samples without a value, and these were sound."""
+    t, x, held = reactor()
+    rec = mf.Record(y=x, u=held, t=t, outputs=["c", "T"], inputs=["Tc"], intersample="zoh")
+    fit = fit_quietly((rec,), mf.Equation(REACTOR, outputs=["c", "T"], inputs=["Tc"]), Options.checked("fit"))
+    told = replace(fit, status="nonfinite").message
+    assert "the search took exp(-E*(-0.00285714 + 1/T)) out of it" in told
+    assert "params={'E': mf.Free(start, min=..., max=...)}" in told
+    assert "samples" not in told
+
+
+def test_numbers_of_many_digits_inside_an_exponential_compile_at_once():
+    """With 0.00335401643 that took 46 s, and with more digits minutes: a power of exp(E/10**11) for SymPy."""
+    model = mf.Equation("x' = a - k*exp(-E*(1/T - 0.003354016434680530))*x", outputs=["x"], inputs=["T"])
+    before = time.process_time()
+    assert [str(term.coefficient) for term in model.compiled().terms].count("-a") == 1
+    assert time.process_time() - before < 10
 
 
 @pytest.mark.parametrize("start", [0.5, 1.5, 1.6, 2.0])

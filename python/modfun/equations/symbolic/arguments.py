@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import sympy
 
+from ...models.free import Free
 from .compiled import Compiled, Delayed, jet
 
-__all__ = ["multiplied"]
+__all__ = ["exponentials", "factors", "multiplied"]
+
+STEEP = (sympy.exp, sympy.Pow, sympy.sinh, sympy.cosh)  # which overflow, unlike sines and tanh
 
 
-def multiplied(compiled: Compiled) -> list[tuple[int, list[sympy.Expr], bool]]:
+def multiplied(compiled: Compiled) -> list[tuple[int, list[tuple[sympy.Expr, bool]], bool]]:
     """Position of each free parameter without start, bounds or prior that stands in functions; what it
-    multiplies there, of outputs and inputs; and whether its sign is a matter of taste.
+    multiplies there, of outputs and inputs, and whether in exponentials; and whether its sign is a matter of
+    taste.
     """
     found = []
     measured = {jet(name) for name in (*compiled.outputs, *compiled.inputs)}
@@ -28,11 +32,41 @@ def multiplied(compiled: Compiled) -> list[tuple[int, list[sympy.Expr], bool]]:
         if any(p in t.xreplace(held).free_symbols for t in terms):
             continue
         slopes = [
-            sympy.diff(_argument(one), p) for one in held if isinstance(one, sympy.Pow) or len(one.args) == 1
+            (sympy.diff(_argument(one), p), isinstance(one, STEEP))
+            for one in held
+            if isinstance(one, sympy.Pow) or len(one.args) == 1
         ]
-        seen = all(w.free_symbols and w.free_symbols <= measured for w in slopes)
+        seen = all(w.free_symbols and w.free_symbols <= measured for w, _ in slopes)
         if seen and len(slopes) == len(held):
             found.append((k, slopes, all(_keeps(t, p, compiled) for t in terms)))
+    return found
+
+
+def factors(compiled: Compiled, k: int) -> list[str]:
+    """Parameters without start, bounds or prior that are factors of each term with one inside a function, and
+    stand nowhere else: k0 of k0*exp(-E/T) for E.
+    """
+    terms = [term for expr in compiled.source for term in sympy.Add.make_args(expr)]
+    p = sympy.Symbol(compiled.parameters[k], real=True)
+    own = [term for term in terms if p in term.free_symbols]
+    found = []
+    for name in compiled.parameters:
+        factor = sympy.Symbol(name, real=True)
+        only = all(term in own for term in terms if factor in term.free_symbols)
+        if only and all(factor in term.args for term in own) and compiled.free.get(name, Free()) == Free():
+            found.append(name)
+    return found
+
+
+def exponentials(compiled: Compiled) -> list[tuple[sympy.Expr, list[str]]]:
+    """Exponentials with parameters inside, as users wrote them, and the names of these."""
+    atoms = set().union(*(expr.atoms(*STEEP) for expr in compiled.source))
+    found = []
+    for one in sorted(atoms, key=str):
+        inside = one.exp if isinstance(one, sympy.Pow) else one.args[0]
+        free = {s.name for s in inside.free_symbols}
+        if own := [name for name in compiled.parameters if name in free]:
+            found.append((one, own))
     return found
 
 

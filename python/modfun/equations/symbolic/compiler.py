@@ -149,9 +149,15 @@ def _normal(terms: list[Term], *, turn: bool) -> tuple[list[Term], tuple[str, ..
 
 
 def _factored(total: sympy.Expr) -> sympy.Expr:
-    """A coefficient with its factors apart where its terms are few: long sums take long."""
+    """A coefficient with its factors apart where its terms are few: long sums take long.
+
+    Exponentials stay whole: exp(0.00335401643*E) is exp(E/10**11) to the power 335,401,643 for SymPy.
+    """
     expanded = sympy.expand(total)
-    return expanded if len(sympy.Add.make_args(expanded)) > MOST_FACTORED else sympy.factor(expanded)
+    if len(sympy.Add.make_args(expanded)) > MOST_FACTORED:
+        return expanded
+    whole = {one: sympy.Dummy(positive=True) for one in expanded.atoms(sympy.exp)}
+    return sympy.factor(expanded.xreplace(whole)).xreplace({name: one for one, name in whole.items()})
 
 
 def _separated(expr: sympy.Expr, moving: Moving) -> sympy.Expr:
