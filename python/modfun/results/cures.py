@@ -150,7 +150,7 @@ def _of_group(
     best = found.after - CLOSE if found else before - WORTH
     afters, chosen = dict[Key, float](), Key()
     first = found  # a shift, perhaps, or the lag that does about as well
-    for words, structure, key, told in _worthwhile(fit, group):
+    for words, structure, key, told in _worthwhile(fit, group, moved):
         if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
             break  # no powers where a linear term leaves the noise alone
         other = again(fit, fit.records, structure, options, near=True)
@@ -186,17 +186,20 @@ def _of_group(
 
 
 def _worthwhile(
-    fit: Estimates, group: Iterable[tuple[str, Any, Key]]
+    fit: Estimates, group: Iterable[tuple[str, Any, Key]], moved: Realigned | None
 ) -> Iterator[tuple[str, Any, Key, bool]]:
-    """Changes of a group that a regression finds worth a fit, and then those of which it says nothing."""
+    """Changes of a group that a regression finds worth a fit, and then those of which it says nothing.
+
+    A lag of what a fit has shown to be late is one: a step from estimates that are 30 errors off says little.
+    """
     every, falls = list(group), worth(fit)
     best = sorted({falls[key] for _, _, key in every if key in falls}, reverse=True)[:MOST]
     least = max(best[-1], best[0] * NEAR, CLOSE) if best else inf
     for words, structure, key in every:
-        if falls.get(key, -inf) >= least:
+        if falls.get(key, -inf) >= least or (moved and key == ("late", moved.late)):
             yield words, structure, key, True
     for words, structure, key in every:
-        if key not in falls:
+        if key not in falls and not (moved and key == ("late", moved.late)):
             yield words, structure, key, not falls
 
 

@@ -134,7 +134,7 @@ def _as_state(fit: Estimates, cure: Realigned) -> Cure | None:
     exact = shift.error < ALIGNED * _step(fit)
     if exact or not isinstance(model, StateSpace) or shift.channel not in model.outputs or shift.late < 0:
         return None
-    words, structure = delayed(fit, model, model.outputs.index(shift.channel))
+    words, structure = delayed(fit, model, model.outputs.index(shift.channel), shift.late)
     other = again(fit, fit.records, structure, on_band(fit, fit.band))
     if other is None or EXTRA in other.at_bound:
         return None

@@ -245,13 +245,15 @@ def _sensor(fit: Estimates, model: StateSpace, i: int, lag: str = EXTRA) -> Stat
     return model._like(A=a, B=b, C=c, D=d, states=[*states, y], params=params)
 
 
-def delayed(fit: Estimates, model: StateSpace, i: int) -> tuple[str, StateSpace]:
-    """A time by which output i is late, as a state with the phase of a delay, and that in words.
+def delayed(fit: Estimates, model: StateSpace, i: int, late: float) -> tuple[str, StateSpace]:
+    """A time by which output i is late, about `late`, as a state with the phase of a delay; in words first.
 
     Padé's (1 - late s/2)/(1 + late s/2): up to late*omega = 1 its phase is within 0.08 rad of the delay's.
     """
     words = f"a delay of {model.outputs[i]} ({{}} s), as a state with a parameter for it"
-    return words + _code(fit, model, i, "late"), _padded(fit, model, i, EXTRA)
+    made = _padded(fit, model, i, EXTRA)
+    made = made._like(params={**dict(made.params), EXTRA: Free(late, min=least_time(fit))})
+    return words + _code(fit, model, i, "late"), made
 
 
 def _padded(fit: Estimates, model: StateSpace, i: int, late: str) -> StateSpace:
