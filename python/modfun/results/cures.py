@@ -190,16 +190,17 @@ def _worthwhile(
 ) -> Iterator[tuple[str, Any, Key, bool]]:
     """Changes of a group that a regression finds worth a fit, and then those of which it says nothing.
 
-    A lag of what a fit has shown to be late is one: a step from estimates that are 30 errors off says little.
+    A lag of a sensor that a fit has shown to be late is one: a step from estimates far off says little.
     """
     every, falls = list(group), worth(fit)
+    sensor: Key = ("late", moved.late) if moved and moved.late in fit.outputs else ("",)
     best = sorted({falls[key] for _, _, key in every if key in falls}, reverse=True)[:MOST]
     least = max(best[-1], best[0] * NEAR, CLOSE) if best else inf
     for words, structure, key in every:
-        if falls.get(key, -inf) >= least or (moved and key == ("late", moved.late)):
+        if falls.get(key, -inf) >= least or key == sensor:
             yield words, structure, key, True
     for words, structure, key in every:
-        if key not in falls and not (moved and key == ("late", moved.late)):
+        if key not in falls and key != sensor:
             yield words, structure, key, not falls
 
 
