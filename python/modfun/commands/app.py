@@ -399,13 +399,23 @@ def compare(data: Reading, json_to: Json = None, plot: Picture = None) -> None:
         if not isinstance(fit, Fit):
             raise SpecError(f"compare: {path} holds no fit; make one with modfun fit --json")
     first = next(iter(fits.values()))
-    rec, *more = replace(
+    wanted = replace(
         data,
         files=[file],
         output=data.output or list(first.outputs),
         input=data.input or list(first.inputs),
         intersample=data.intersample or list(first.intersample),
-    ).records()
+    )
+    try:
+        rec, *more = wanted.records()
+    except SpecError as error:
+        if data.output and data.input:
+            raise
+        raise SpecError(
+            f"{error}. Columns were looked for by the names of the fit's channels "
+            f"({', '.join((*first.outputs, *first.inputs))}); where the file has others, repeat --output "
+            "NAME=COLUMN, --input NAME=COLUMN and --convert as given to modfun fit"
+        ) from error
     if more:
         raise SpecError(f"compare: --on {data.on} makes {1 + len(more)} records; say with --only which one")
     table = compare(fits, rec)

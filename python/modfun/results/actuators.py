@@ -27,7 +27,6 @@ from .cures import (
     STRONG,
     WORTH,
     again,
-    best_cure,
     bic_beside,
     of_written,
     on_band,
@@ -39,6 +38,7 @@ from .doubts import SURE, Doubt, noise_free, still_held
 from .estimates import Estimates
 from .linear_lines import linear_of, testable
 from .misfit import LIKE_GUSTS, UNLIKELY, UNSPOKEN, suspicious
+from .next_structures import best_cure
 from .noisy_inputs import noisy_input
 from .offsets import mean
 from .position_steps import left_after, rows_with, wider

@@ -15,7 +15,7 @@ from ..records.steady import QUIET, standing
 from .actuators import limited_input, unlike_command
 from .band_end import beyond
 from .coloured_load import coloured_load, in_coloured_noise
-from .cures import DRIFT, ENOUGH, again, best_cure, convincing, furthest
+from .cures import DRIFT, ENOUGH, again, convincing, furthest
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
 from .diagnosis import diagnose, growth, level_p
@@ -58,6 +58,7 @@ from .levers import off_centre
 from .lopsided import lopsided
 from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
 from .multiplied import misweighted, multiplied
+from .next_structures import best_cure
 from .noise_modes import noise_mode
 from .noisy_inputs import noisy_input
 from .nothing_free import nothing_free

@@ -1,44 +1,37 @@
-"""What to try first where residuals follow an input: fits of the structures next to the fitted one."""
+"""What to try first where equations leave more than noise: fits of those next to the fitted ones."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from math import inf, isfinite, log, nan, pi
+from math import inf, isfinite, log, nan
 from typing import Any
 
 import numpy as np
 
-from ..base.between import BY_FIT, MIXED
 from ..base.cached import kept
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
-from ..models.free import Free
 from ..models.options import Options
-from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, LEVER, ZERO, absurd, integrals, neighbours, singular
+from .neighbours import EXTRA, LAG, LEVER, ZERO, absurd, integrals, least_time, neighbours, singular
 from .refits import lengthy, starts_beside
-from .rewritten import in_words, rewritten
 from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
 __all__ = [
-    "CLOSE", "DRIFT", "ENOUGH", "WORTH", "Cure", "Realigned", "again", "again_at_all", "amplified",
-    "best_cure", "bic_beside", "convincing", "earlier_by", "furthest", "integral_missing", "likely_cure",
+    "ALIGNED", "CLOSE", "DRIFT", "ENOUGH", "WORTH", "Cure", "Realigned", "again", "again_at_all", "amplified",
+    "as_shift", "bic_beside", "convincing", "earlier_by", "furthest", "integral_missing", "likely_cure",
     "of_written", "on_band", "otherwise", "realigned", "with_drift",
 ]  # fmt: skip
 
 DRIFT = 'trend="linear"'  # words of that cure
-MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
 CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
 WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
 ENOUGH = 0.01  # probability of a chi-square as large: a cure that leaves more leaves the noise
-RADIAN = 0.5  # of the highest line: delays tried first are so far apart,
-BEYOND = 10  # and so many of them later than the best one
 STEPS = 3  # in which a shift is found
 SUREST = 1e-4  # p-value of the level of residuals below which shifts further away are tried, and of one,
 FAR = (2, 4, 8, -2, -4, -8)  # these, in samples
@@ -53,70 +46,29 @@ STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even wher
 class Cure:
     """A change of the record or of the structure, in words, and BIC before and after it.
 
-    `level_p`: probability of a chi-square as large as that after it.
+    `level_p`: probability of a chi-square as large as that after it; `fit`: the one with it; `late`: the
+    channel whose time it changes, by a shift or a lag of its sensor.
     """
 
     words: str
     before: float
     after: float
     level_p: float
+    fit: Estimates | None = None
+    late: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Realigned(Cure):
-    """That one channel is read at another time: by how much it was late, and the fit so."""
+    """That one channel is read at another time: `shift` as it was found, `by` as it was made, s."""
 
     shift: Shift
-    fit: Estimates
-
-
-@kept
-def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
-    """The neighbouring structure, or hold of the input, whose fit lowers BIC most; None where none pays.
-
-    Without a channel: of free motion, which has poles only.
-    """
-    if fit.again is None or fit.records is None or not isinstance(fit.structure, TransferFunction):
-        return None
-    before = bic_beside(fit, fit)
-    found: Cure | None = None
-    options = on_band(fit, fit.band)
-    near = _poles(fit, output) if channel is None else _neighbours(fit, output, fit.inputs.index(channel))
-    for words, records, structure in near:
-        if words.startswith("more zeros") and found and found.level_p > ENOUGH:
-            continue  # what acts at once can do what a delay does
-        if options.reference and records is fit.records:
-            rough = _roughly(fit, structure, options)
-            if rough is None or not bic_beside(rough, fit) < (found.after if found else before):
-                continue
-        other = again(fit, records, structure, options)
-        if other is None or growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
-            continue
-        after = bic_beside(other, fit)
-        # Poles can do what a delay does, or a zero: they have to do more than one that leaves noise alone.
-        margin = CLOSE if found and found.level_p < ENOUGH else WORTH
-        if isfinite(after) and after < (found.after if found else before) - margin:
-            delay = [name for name in other.param_names if name.startswith("delay")]
-            late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
-            found = Cure(words + late, before, after, level_p(other))
-    # Poles follow a drift, too.
-    drift = with_drift(fit) if found and "poles=" in found.words and fit.trend == "constant" else None
-    return drift if found and drift and drift.after < found.after else found
-
-
-def _roughly(fit: Estimates, structure: Any, options: Options) -> Estimates | None:
-    """The fit of another structure; of one with a reference on the record in which its rounds ended.
-
-    Rounds of its own are seven fits or more, and most structures next to a right one lower nothing.
-    """
-    if options.reference and fit.instrumented is not None:
-        return again(fit, fit.instrumented, structure, options.replace(reference=()))
-    return again(fit, fit.records, structure, options)
+    by: float
 
 
 @kept
 def likely_cure(fit: Estimates) -> Cure | None:
-    """The same of equations and state spaces: a drift of each equation, a shift, a sensor or an actuator."""
+    """What lowers BIC of equations most: a drift of each, a shift, a sensor or an actuator."""
     if not _alterable(fit):
         return None
     before = bic_beside(fit, fit)
@@ -197,7 +149,8 @@ def _of_group(
     before, options = bic_beside(fit, fit), on_band(fit, fit.band)
     best = found.after - CLOSE if found else before - WORTH
     afters, chosen = dict[Key, float](), Key()
-    for words, structure, key, told in _worthwhile(fit, group):
+    first = found  # a shift, perhaps, or the lag that does about as well
+    for words, structure, key, told in _worthwhile(fit, group, moved):
         if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
             break  # no powers where a linear term leaves the noise alone
         other = again(fit, fit.records, structure, options, near=True)
@@ -207,16 +160,22 @@ def _of_group(
             continue
         extra = other[EXTRA] if EXTRA in other.param_names else nan  # of a delay that is a number none
         after = afters[key] = bic_beside(other, fit)
-        # Off the centre of gravity is a likelier place than a time off all the others.
-        lever = moved is not None and moved is found and words.startswith(LEVER)
-        bar = moved.after + CLOSE if moved and lever else best
+        # Off the centre of gravity is a likelier place than a time off all the others. So is a lag: its own
+        # error counts, and intervals held for vanes 0.03 to 0.06 s late in either way (beside a shift half).
+        lag = words.startswith(LAG) and words[len(LAG) :].split()[0]
+        slow = moved is not None and moved is first and lag == moved.shift.channel
+        likelier = moved is not None and found is first and (slow or words.startswith(LEVER))
+        bar = moved.after + CLOSE if moved and likelier else best
         if not (isfinite(after) and after < bar) or _odd_time(fit, words, extra) or absurd(fit, key, extra):
             continue
         if singular(other) or (words.startswith("a delay") and _part_of_a_step(fit, other, extra)):
             continue
-        found, chosen = Cure(words.replace("{}", f"{extra:.3g}"), before, after, level_p(other)), key
+        text = words.replace("{}", f"{extra:.3g}")
+        found, chosen = Cure(text, before, after, level_p(other), other, lag or ""), key
+        first = found if slow else first
         # Of twins in several equations the first is likelier.
-        best = after - CLOSE * (isinstance(structure, Equation) and bool(worth(fit)))
+        after -= CLOSE * (isinstance(structure, Equation) and bool(worth(fit)))
+        best = min(best, after) if likelier else after
     # Powers, sines and the like bend alike over a small range.
     same = [key for key in afters if key[:1] == ("term",) and key != chosen and key[:-1] == chosen[:-1]]
     alike = [key[-1] for key in sorted(same, key=afters.__getitem__) if afters[key] < afters[chosen] + CLOSE]
@@ -227,17 +186,21 @@ def _of_group(
 
 
 def _worthwhile(
-    fit: Estimates, group: Iterable[tuple[str, Any, Key]]
+    fit: Estimates, group: Iterable[tuple[str, Any, Key]], moved: Realigned | None
 ) -> Iterator[tuple[str, Any, Key, bool]]:
-    """Changes of a group that a regression finds worth a fit, and then those of which it says nothing."""
+    """Changes of a group that a regression finds worth a fit, and then those of which it says nothing.
+
+    A lag of a sensor that a fit has shown to be late is one: a step from estimates far off says little.
+    """
     every, falls = list(group), worth(fit)
+    sensor: Key = ("late", moved.late) if moved and moved.late in fit.outputs else ("",)
     best = sorted({falls[key] for _, _, key in every if key in falls}, reverse=True)[:MOST]
     least = max(best[-1], best[0] * NEAR, CLOSE) if best else inf
     for words, structure, key in every:
-        if falls.get(key, -inf) >= least:
+        if falls.get(key, -inf) >= least or key == sensor:
             yield words, structure, key, True
     for words, structure, key in every:
-        if key not in falls:
+        if key not in falls and key != sensor:
             yield words, structure, key, not falls
 
 
@@ -267,6 +230,14 @@ def realigned(fit: Estimates) -> Realigned | None:
     return best if best and (shift.p_value < SUREST or convincing(fit, best)) else None
 
 
+def as_shift(fit: Estimates, cure: Cure | None) -> Realigned | None:
+    """The shift that a cure is, or that does about as well as the lag which it is; None of other cures."""
+    if cure is None or isinstance(cure, Realigned):
+        return cure
+    moved = realigned(fit) if cure.late else None
+    return moved if moved and moved.late == cure.late and moved.after < cure.after + CLOSE else None
+
+
 def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
     """The same, searched by steps of the score test from a shift on."""
     name, records = shift.channel, fit.records or ()
@@ -291,7 +262,8 @@ def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
         late = seen
     after = bic_beside(other, fit) + log(fit.df_resid + fit.params.size)  # the shift is a parameter
     found = replace(shift, late=seen, error=error)
-    return Realigned(words, bic_beside(fit, fit), after, level_p(other), found, other)
+    before = bic_beside(fit, fit)
+    return Realigned(words, before, after, level_p(other), other, name, shift=found, by=late)
 
 
 def earlier_by(
@@ -299,7 +271,8 @@ def earlier_by(
 ) -> tuple[str, tuple[Record, ...]]:
     """Records with a channel at its own time, in words and made so.
 
-    Straight lines between samples would take from the noise, by which levels are seen.
+    Straight lines between samples would take from the noise, by which levels are seen. Beyond the ends the
+    last sample stays: cubes that go on multiply its noise.
     """
     from scipy.interpolate import CubicSpline
 
@@ -308,8 +281,9 @@ def earlier_by(
         moved = [np.interp(rec.t + late, rec.t, rec[name]) for rec in records]
         words = f"rec.assign({name}=np.interp({at}, rec.t, rec[{name!r}]))"
     else:
-        moved = [CubicSpline(rec.t, rec[name])(rec.t + late) for rec in records]
-        words = f"rec.assign({name}=scipy.interpolate.CubicSpline(rec.t, rec[{name!r}])({at}))"
+        moved = [CubicSpline(rec.t, rec[name])(np.clip(rec.t + late, rec.t[0], rec.t[-1])) for rec in records]
+        spline = f"scipy.interpolate.CubicSpline(rec.t, rec[{name!r}])"
+        words = f"rec.assign({name}={spline}(np.clip({at}, rec.t[0], rec.t[-1])))"
     rows: list[dict[str, Any]] = [{name: row} for row in moved]
     return words, tuple([rec.assign(**row) for rec, row in zip(records, rows, strict=True)])
 
@@ -317,8 +291,7 @@ def earlier_by(
 def _odd_time(fit: Estimates, words: str, value: float) -> bool:
     """Whether a lag or delay is one that no record could show: far below its step, or longer than it is."""
     records = fit.records or ()
-    step = min(float(np.min(np.diff(rec.t))) for rec in records)
-    return "{} s)" in words and not step / 10 < value < max(rec.duration for rec in records)
+    return "{} s)" in words and not least_time(fit) < value < max(rec.duration for rec in records)
 
 
 def _part_of_a_step(fit: Estimates, other: Estimates, late: float) -> bool:
@@ -358,84 +331,15 @@ def bic_beside(fit: Estimates, base: Estimates) -> float:
 
 def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:
     """What another fit of the structure changes most: parameter, both estimates, errors between them."""
-    far = np.abs(other.params - fit.params) / np.where(other.bse > 0, other.bse, np.inf)
+    rows = [other.param_names.index(name) for name in fit.param_names]
+    values, errors = other.params[rows], np.where(other.bse[rows] > 0, other.bse[rows], np.inf)
+    far = np.abs(values - fit.params) / errors
     at = int(np.argmax(far))
-    was, now = (f"{one.params[at]:.4g} ± {one.spread[at]:.2g}" for one in (fit, other))
+    was, now = (
+        f"{fit.params[at]:.4g} ± {fit.spread[at]:.2g}",
+        f"{values[at]:.4g} ± {other.spread[rows[at]]:.2g}",
+    )
     return fit.param_names[at], was, now, float(far[at])
-
-
-def _neighbours(
-    fit: Estimates, output: int, channel: int
-) -> Iterator[tuple[str, tuple[Record, ...], TransferFunction]]:
-    """Changes in words, the records and the structure with that change; the most likely ones first."""
-    name, layout = fit.inputs[channel], fit.layout
-    records: tuple[Record, ...] = fit.records or ()
-    degrees: list[list[Any]] = [list(row) for row in layout.numerators]
-    path = degrees[output][channel]
-    several = len(fit.inputs) > 1
-    of = f" of {name}" if several else ""
-    if path is None:
-        degrees[output][channel] = layout.orders[output] - 1
-        words = f"a path from {name} to {fit.outputs[output]}, zeros={in_words(degrees)}"
-        yield words, records, rewritten(fit, zeros=degrees)
-        return
-    for word in ("zoh", "smooth", "foh"):
-        if fit.intersample[channel] not in (word, MIXED):
-            changed = tuple(otherwise(rec, channel, word) for rec in records)
-            given = repr(list(changed[0].intersample)) if several else repr(word)
-            yield f"intersample={given} in the record", changed, fit.structure
-    if fit.intersample[channel] == "zoh" or records[0]._seen.get(name) == BY_FIT:
-        words = f"{name} a sample earlier, since it acts in its own sample (y[:-1] with {name}[1:])"
-        yield words, tuple(_earlier(rec, channel) for rec in records), fit.structure
-    delays = [[layout.paths[route].delay for route in row] for row in layout.routes]
-    known = delays[output][channel]
-    if not isinstance(known, Free):
-        for late in _likeliest_delay(fit, delays, output, channel):
-            delays[output][channel] = late
-            yield f"a delay{of}, delay={in_words(delays)}", records, rewritten(fit, delay=delays)
-    for degree in range(path + 1, layout.orders[output] + 1):  # as many as poles: an accelerometer
-        more = [list(row) for row in degrees]
-        more[output][channel] = degree
-        count = "one more zero" if degree == path + 1 else "more zeros"
-        yield f"{count}{of}, zeros={in_words(more)}", records, rewritten(fit, zeros=more)
-    yield from _poles(fit, output)
-
-
-def _likeliest_delay(
-    fit: Estimates, delays: list[list[Any]], output: int, channel: int
-) -> tuple[Free, float] | tuple[()]:
-    """Bounds about the delay of a path that suits best, and that delay; nothing where none suits better.
-
-    Delays in whole samples are tried one by one, coarsely first: a free one that starts far away ends in
-    another minimum, and loses the samples of the longest delay that it may be.
-    """
-    known, omega = delays[output][channel], fit.band[1]
-    dt = max(rec.dt or rec.duration / rec.intervals for rec in fit.records or ())
-    # Up to two periods of the highest line, or an eighth of the record: later ones are not next door.
-    most = int(min(4 * pi / omega, *(2 * pi / w / 8 for w in fit.omega0)) / dt)
-    options, step = on_band(fit, fit.band), max(1, int(RADIAN / omega / dt))
-    scores = {0: bic_beside(fit, fit)}
-
-    def score(k: int) -> None:
-        late = [list(row) for row in delays]
-        late[output][channel] = known + k * dt
-        other = _roughly(fit, rewritten(fit, delay=late), options)
-        scores[k] = bic_beside(other, fit) if other is not None else inf
-
-    best = 0
-    for k in range(step, most + 1, step):
-        score(k)
-        best = min(scores, key=scores.__getitem__)
-        if k - best >= BEYOND * step:
-            break
-    for k in range(max(best - step, 0) + 1, best + step):
-        if k not in scores:
-            score(k)
-    best = min(scores, key=scores.__getitem__)
-    if not best:
-        return ()
-    low, mid, high = (float(f"{known + k * dt:.3g}") for k in (max(best - 1.5, 0.0), best, best + 1.5))
-    return Free(min=low, max=high), mid
 
 
 def again(
@@ -443,7 +347,15 @@ def again(
 ) -> Estimates | None:
     """The fit made again with other words; None where it has no answer. `near`: begun at the estimates."""
     other = again_at_all(fit, records, structure, options, near=near)
-    return other if other is not None and other.usable else None
+    return other if other is not None and other.usable and _has_model(other) else None
+
+
+def _has_model(fit: Estimates) -> bool:
+    """Whether a state space has matrices at its estimates: 1/lag has no value at 0."""
+    try:
+        return not isinstance(fit.structure, StateSpace) or fit.model is not None
+    except ModfunError:
+        return False
 
 
 def again_at_all(
@@ -460,37 +372,3 @@ def again_at_all(
 def otherwise(rec: Record, channel: int, word: str) -> Record:
     """The record with an input that goes so between its samples."""
     return rec._like(intersample=(*rec.intersample[:channel], word, *rec.intersample[channel + 1 :]))
-
-
-def _earlier(rec: Record, channel: int) -> Record:
-    """The record with a held input a sample earlier, and so a sample shorter."""
-    short = rec.window(rec.t[0], rec.t[-2])
-    u, kinds = short.u.copy(), list(rec.intersample)
-    u[channel], kinds[channel] = rec.u[channel, 1:], "zoh"
-    return short._like(u=u, intersample=tuple(kinds))
-
-
-def _poles(fit: Estimates, output: int) -> Iterator[tuple[str, tuple[Record, ...], TransferFunction]]:
-    """The structure with one or two more poles, and as many more zeros."""
-    layout, records = fit.layout, fit.records or ()
-    degrees = [list(row) for row in layout.numerators]
-    for extra in (1, 2):
-        poles: Any = [n + extra if layout.common or i == output else n for i, n in enumerate(layout.orders)]
-        if max(poles) > MOST_POLES:
-            continue
-        told = poles[0] if layout.common or len(poles) == 1 else poles
-        words = "one more pole" if extra == 1 else "two more poles"
-        if not fit.inputs:
-            yield (
-                f"{words}, poles={told}",
-                records,
-                TransferFunction(poles=told, denominator=fit.structure.denominator),
-            )
-            continue
-        yield f"{words}, poles={told}, zeros={in_words(degrees)}", records, rewritten(fit, poles=told)
-        wider = [
-            [None if d is None else d + extra for d in row] if layout.common or i == output else row
-            for i, row in enumerate(degrees)
-        ]
-        shown = f"{words}, poles={told}, zeros={in_words(wider)}"
-        yield shown, records, rewritten(fit, poles=told, zeros=wider)

@@ -15,11 +15,12 @@ from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.transfer_function import TransferFunction
-from .cures import CLOSE, ENOUGH, Cure, again, best_cure, bic_beside, on_band, with_drift
+from .cures import CLOSE, ENOUGH, Cure, again, bic_beside, on_band, with_drift
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 from .neighbours import EXTRA
+from .next_structures import best_cure
 
 __all__ = ["bent", "settled_motion"]
 

@@ -25,8 +25,8 @@ from .cures import (
     ENOUGH,
     WORTH,
     Cure,
-    Realigned,
     again,
+    as_shift,
     bic_beside,
     convincing,
     likely_cure,
@@ -197,7 +197,8 @@ def _of_one(fit: Estimates, numbers: Sequence[Number], cure: Cure) -> Doubt | No
     alone = falls.get(("numbers",), -inf) > max(others, default=inf) + WORTH
     beside = (realigned(fit) if alone else likely_cure(fit)) if fit.usable else None
     # A time that all samples share is likelier than a scale factor that looks like it.
-    if beside is not None and beside.after < after + CLOSE * isinstance(beside, Realigned):
+    moved = as_shift(fit, beside)
+    if (beside and beside.after < after) or (moved and moved.after < after + CLOSE):
         return None
     if sum(number.off > SIGMAS for number in numbers) > 1 and (doubt := _of_calibration(numbers)):
         return doubt

@@ -15,7 +15,6 @@ from .cures import (
     STRONG,
     Cure,
     again,
-    best_cure,
     convincing,
     integral_missing,
     likely_cure,
@@ -29,6 +28,7 @@ from .driven_equations import driven
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
+from .next_structures import best_cure
 from .origin import gain_of_colour, gain_of_process, hum, on_wide_band, origin
 from .worth import worth
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from ..base.cached import kept
 from ..models.transfer_function import TransferFunction
 from .coloured_load import MOST_PATHS, in_coloured_noise
-from .cures import DRIFT, ENOUGH, best_cure
+from .cures import DRIFT, ENOUGH
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, clipped, joined, noise_free
 from .estimates import Estimates
 from .further import event
 from .misfit import UNLIKELY, refuted, suspicious
+from .next_structures import best_cure
 
 __all__ = ["settles_otherwise", "unseen_event"]
 

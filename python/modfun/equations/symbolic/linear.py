@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Mapping, Sequence
 from functools import lru_cache, reduce
+from math import isfinite
 
 import numpy as np
 import sympy
@@ -20,6 +21,11 @@ from .meaning import meaning, number, parameter
 from .system import System
 
 __all__ = ["derivatives", "numbers", "polynomials", "system_of"]
+
+OFF = (
+    0.001  # of the way from a bound without a value to the start: a lag as short as no record tells from none
+)
+_NO_VALUE = (sympy.zoo, sympy.nan, sympy.oo, -sympy.oo)
 
 Params = Sequence[tuple[str, float | Free]]  # held at a number, or free within bounds
 
@@ -163,12 +169,35 @@ def system_of(
         inputs=inputs,
         hidden=eliminated,
         parameters=parameters,
-        free={name: given for name, given in params if isinstance(given, Free)},
+        free={
+            name: _valued(name, given, matrices, params) for name, given in params if isinstance(given, Free)
+        },
         fixed=_held(params),
         source=tuple(source),
         unmeasured=hidden,
         steps=steps,
     )
+
+
+def _valued(name: str, given: Free, matrices: Sequence[Matrix], params: Params) -> Free:
+    """A parameter whose bounds are off those at which an entry has no value, as 1/lag has none at 0.
+
+    There an equation of the state vanishes, and records without a lag ended in that trap.
+    """
+    symbol, (low, high) = parameter(name), (given.min, given.max)
+    entries = [own for matrix in matrices for own in _symbolic(matrix, params) if symbol in own.free_symbols]
+
+    def lost(end: float) -> bool:
+        return isfinite(end) and any([own.subs(symbol, end).has(*_NO_VALUE) for own in entries])
+
+    if not (lost(low) or lost(high)):
+        return given
+    middle = (low + high) / 2 if isfinite(high - low) else low + 1 if isfinite(low) else high - 1
+    inside = middle if given.start in (None, low, high) else given.start
+    low = low + OFF * (inside - low) if lost(low) else low
+    high = high - OFF * (high - inside) if lost(high) else high
+    start = None if given.start is None else min(max(given.start, low), high)
+    return Free(start, min=low, max=high, sd=given.sd)
 
 
 def _held(params: Params) -> dict[str, float]:
