@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import inf, isfinite, log, nan, pi
 from typing import Any
 
@@ -53,21 +53,23 @@ STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even wher
 class Cure:
     """A change of the record or of the structure, in words, and BIC before and after it.
 
-    `level_p`: probability of a chi-square as large as that after it.
+    `level_p`: probability of a chi-square as large as that after it. `fit`: the fit with the change, of
+    structures next to that of a transfer function.
     """
 
     words: str
     before: float
     after: float
     level_p: float
+    fit: Estimates | None = None
 
 
 @dataclass(frozen=True)
 class Realigned(Cure):
     """That one channel is read at another time: by how much it was late, and the fit so."""
 
-    shift: Shift
-    fit: Estimates
+    shift: Shift = field(kw_only=True)
+    fit: Estimates = field(kw_only=True)
 
 
 @kept
@@ -98,7 +100,7 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
         if isfinite(after) and after < (found.after if found else before) - margin:
             delay = [name for name in other.param_names if name.startswith("delay")]
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
-            found = Cure(words + late, before, after, level_p(other))
+            found = Cure(words + late, before, after, level_p(other), other)
     # Poles follow a drift, too.
     drift = with_drift(fit) if found and "poles=" in found.words and fit.trend == "constant" else None
     return drift if found and drift and drift.after < found.after else found
@@ -291,7 +293,7 @@ def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
         late = seen
     after = bic_beside(other, fit) + log(fit.df_resid + fit.params.size)  # the shift is a parameter
     found = replace(shift, late=seen, error=error)
-    return Realigned(words, bic_beside(fit, fit), after, level_p(other), found, other)
+    return Realigned(words, bic_beside(fit, fit), after, level_p(other), shift=found, fit=other)
 
 
 def earlier_by(
