@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .cures import CLOSE, ENOUGH, Cure, again, best_cure, on_band
@@ -46,7 +48,9 @@ def missing_mode(fit: Estimates, output: int) -> Cure | None:
 
 def linear_instead(fit: Estimates, one: Explained) -> Cure | None:
     """The linear structure that explains what powers or a change do, and leaves nothing to these."""
-    cures = [cure for cure in _cures(fit, one.output) if cure.before - cure.after > one.bic - CLOSE]
+    channels = fit.inputs if len(fit.inputs) == 1 else (None,)  # of several only poles: delays are searches
+    every = _cures(fit, one.output, channels)
+    cures = [cure for cure in every if cure.before - cure.after > one.bic - CLOSE]
     best = min(cures, key=lambda cure: cure.after, default=None)
     if best is None or best.fit is None:
         return None
@@ -70,15 +74,15 @@ def like_gusts(fit: Estimates, cure: Cure | None = None) -> bool:
     return driven is None or other is None or not other.bic < driven.bic - UNSPOKEN
 
 
-def _cures(fit: Estimates, output: int) -> list[Cure]:
-    """Of each input the structure next to the fitted one that pays most."""
-    cures = [best_cure(fit, output, channel) for channel in fit.inputs or (None,)]
+def _cures(fit: Estimates, output: int, channels: Sequence[str | None]) -> list[Cure]:
+    """Of each input the structure next to the fitted one that pays most; of None that with more poles."""
+    cures = [best_cure(fit, output, channel) for channel in channels]
     return [cure for cure in cures if cure is not None]
 
 
 def _settling(fit: Estimates, output: int) -> list[Cure]:
     """Those that leave no more than the noise of the high band."""
-    cures = _cures(fit, output)
+    cures = _cures(fit, output, fit.inputs or (None,))
     return [cure for cure in cures if cure.level_p > ENOUGH and cure.before - cure.after > UNSPOKEN]
 
 
