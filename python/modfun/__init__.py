@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from .responses.frf import frf
     from .results.collinearity import Collinearity
     from .results.fit import Fit
+    from .results.many import FitMany
     from .streams.stream import Stream
     from .streams.track import Track
     from .study.loading import load
@@ -82,6 +83,7 @@ _NAMES = {
     ".responses.frf": ("frf",),
     ".results.collinearity": ("Collinearity",),
     ".results.fit": ("Fit",),
+    ".results.many": ("FitMany",),
     ".streams.stream": ("Stream",),
     ".streams.track": ("Track",),
     ".study.loading": ("load",),
@@ -99,14 +101,14 @@ _MODULES = ("plot", "rivals", "signals", "timelag")
 
 __all__ = [  # noqa: RUF022, in the order of dir()
     "Batch", "Collinearity", "CommonPoles", "Comparison", "CrossValidation", "DataError", "Equation",
-    "Estimator", "Fit", "FitError", "Free", "FrequencyResponse", "InternalError", "LTI", "ModfunError",
-    "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "Numerator", "OrderSelection", "ProcessNoise",
-    "Record", "Reduction", "Results", "Sinusoids", "SinusoidsMany", "SpecError", "StateSpace", "Stream",
-    "Table", "TermSelection", "Track", "TransferFunction", "__version__", "bootstrap", "c2d",
-    "coefficients", "collinearity", "columns", "common_poles", "compare", "crlb", "cross_validate", "d2c",
-    "dryden", "fit", "fit_many", "frf", "load", "plot", "rank_test", "read", "reduce", "regressors",
-    "rivals", "select_order", "select_terms", "signals", "simulate", "sinusoids", "ss", "tf", "through",
-    "timelag", "zpk",
+    "Estimator", "Fit", "FitError", "FitMany", "Free", "FrequencyResponse", "InternalError", "LTI",
+    "ModfunError", "ModfunWarning", "MonteCarlo", "Noise", "NonlinearModel", "Numerator", "OrderSelection",
+    "ProcessNoise", "Record", "Reduction", "Results", "Sinusoids", "SinusoidsMany", "SpecError",
+    "StateSpace", "Stream", "Table", "TermSelection", "Track", "TransferFunction", "__version__",
+    "bootstrap", "c2d", "coefficients", "collinearity", "columns", "common_poles", "compare", "crlb",
+    "cross_validate", "d2c", "dryden", "fit", "fit_many", "frf", "load", "plot", "rank_test", "read",
+    "reduce", "regressors", "rivals", "select_order", "select_terms", "signals", "simulate", "sinusoids",
+    "ss", "tf", "through", "timelag", "zpk",
 ]  # fmt: skip
 
 

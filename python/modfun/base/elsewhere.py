@@ -35,10 +35,14 @@ FIT: Mapping[str, str] = {
 }
 FITS: Mapping[str, str] = {
     **_PARAMETERS,
+    **dict.fromkeys(("to_csv", "save", "dump", "to_json"), "to_pandas().to_csv(path), a row per record"),
     **dict.fromkeys(("summary", "mean"), "table()"),
     **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
 }
 STUDY: Mapping[str, str] = {
+    **dict.fromkeys(
+        ("to_csv", "to_markdown", "to_latex"), "table().to_csv(path), .to_markdown() or .to_latex()"
+    ),
     **dict.fromkeys(("summary", "mean", "conf_int"), "table()"),
     **dict.fromkeys(("estimates", "params"), "samples, kept by MonteCarlo.run(keep='samples')"),
     **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),

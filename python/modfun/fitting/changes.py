@@ -96,26 +96,30 @@ class Changes:
 
     def _p_values(self, many: FitMany, these: NDArray[np.intp]) -> F64:
         each = self._residuals(many, these)
-        sound: list[Any] = [np.isfinite(own).all(axis=1) for own in each]
-        found = [
-            np.where(good, p_values([unforeseen(np.where(good[:, None], own, 0.0))]), 1.0)
-            for own, good in zip(each, sound, strict=True)
-        ]
-        return np.asarray(len(each) * np.min(found, axis=0))
+        found = []
+        for own, read in each:
+            good: Any = np.isfinite(own).all(axis=1, keepdims=True)
+            new = [unforeseen(np.where(good, own, 0.0))]
+            sizes = [np.abs(np.where(good, read - own, 0.0))]
+            found += [np.where(good.ravel(), p, 1.0) for p in (p_values(new), p_values(new, sizes))]
+        return np.asarray(len(found) * np.min(found, axis=0))
 
-    def _residuals(self, many: FitMany, these: NDArray[np.intp]) -> list[F64]:
-        """Of each output, (record, time)."""
+    def _residuals(self, many: FitMany, these: NDArray[np.intp]) -> list[tuple[F64, F64]]:
+        """Of each output, (record, time), and what was read."""
         data, lines = self.alone.data, self.alone.lines
         if isinstance(data, Batch):
             y, u = data.y[these], data.u if len(data.u) == 1 else data.u[these]
         else:
             y, u = (np.array([getattr(data[r], name) for r in these]) for name in "yu")
-        outputs = range(y.shape[1])
+        read = [y[:, i, -1 - self.intervals : -1] for i in range(y.shape[1])]
         if not isinstance(self.layout, Layout):
-            return [above(y[:, i, -1 - self.intervals : -1], lines[1]) for i in outputs]
+            return [(above(own, lines[1]), own) for own in read]
         kinds = (data if isinstance(data, Batch) else data[0]).intersample
         words = (many.options.rule, kinds, self.intervals, lines, self.alone.omega0)
-        return [line_residuals(self.layout, many.params[these], i, y[:, i], u, *words) for i in outputs]
+        made = [
+            line_residuals(self.layout, many.params[these], i, y[:, i], u, *words) for i in range(len(read))
+        ]
+        return list(zip(made, read, strict=True))
 
 
 def above(y: F64, line: int) -> F64:

@@ -357,7 +357,7 @@ def fit_many(
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
     alone = past or fits_alone(read, structure, checked) or _bends(read, structure, checked)
     alone = alone or _signs_open(read, structure, checked) or _short(read, structure, checked)
-    if not alone and (isinstance(read, Batch) or _alike(read)):
+    if not alone and (read.sigma is None if isinstance(read, Batch) else _alike(read)):
         return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
     return fit_each(read, structure, checked, fit_whole, progress, notes)
 

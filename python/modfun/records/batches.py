@@ -24,6 +24,7 @@ from ..base.samples import (
 )
 from ..errors import DataError, SpecError
 from .functions import functions_of
+from .mask import sigma_of
 from .record import Record
 
 __all__ = ["Batch"]
@@ -44,6 +45,9 @@ class Batch:
         Inputs: (replicate, channel, time), or shared by all replicates: (time,) or (channel, time).
     dt : float
         Sampling interval in seconds.
+    sigma : array_like, optional
+        Relative noise of the samples, as in `Record`: (replicate, channel, time), or shared by all
+        replicates, (time,) or (channel, time). `fit_many` then fits the records one by one.
     outputs, inputs, intersample
         As in `Record`; "auto" looks at the inputs of a few replicates and takes one word for all.
 
@@ -54,6 +58,7 @@ class Batch:
     u : ndarray, shape (replicate or 1, channel, time), read only
         Its first axis is 1 where the inputs are shared.
     dt : float
+    sigma : ndarray, shape (replicate or 1, channel, time), read only, or None
 
     Raises
     ------
@@ -79,11 +84,12 @@ class Batch:
     5
     """
 
-    __slots__ = ("_told", "dt", "inputs", "intersample", "outputs", "u", "y")
+    __slots__ = ("_told", "dt", "inputs", "intersample", "outputs", "sigma", "u", "y")
 
     y: F64
     u: F64
     dt: float
+    sigma: F64 | None
     outputs: tuple[str, ...]
     inputs: tuple[str, ...]
     intersample: tuple[str, ...]
@@ -95,6 +101,7 @@ class Batch:
         u: ArrayLike | None = None,
         dt: float | None = None,
         *,
+        sigma: ArrayLike | None = None,
         outputs: Names = None,
         inputs: Names = None,
         intersample: str | Sequence[str] | Mapping[str, str] = AUTO,
@@ -140,6 +147,7 @@ class Batch:
             "y": frozen(ys),
             "u": frozen(us),
             "dt": positive(dt, "dt", "seconds"),
+            "sigma": _levels(sigma, ys.shape),
             "outputs": out_names,
             "inputs": in_names,
             "intersample": _between(told, us, ys),
@@ -151,7 +159,9 @@ class Batch:
         raise AttributeError(f"a Batch cannot be changed ({name})")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restore_batch, (self.y, self.u, self.dt, self.outputs, self.inputs, self._told)
+        return _restore_batch, (
+            self.y, self.u, self.dt, self.sigma, self.outputs, self.inputs, self._told
+        )  # fmt: skip
 
     @property
     def _declared(self) -> bool:
@@ -169,6 +179,7 @@ class Batch:
             y=self.y[replicate],
             u=u if len(u) else None,
             dt=self.dt,
+            sigma=None if self.sigma is None else self.sigma[replicate if len(self.sigma) > 1 else 0],
             outputs=self.outputs,
             inputs=self.inputs,
             intersample=self._told,
@@ -183,7 +194,7 @@ class Batch:
         if not words:
             return self
         kinds = [words.get(name, own) for name, own in zip(self.inputs, self.intersample, strict=True)]
-        return _restore_batch(self.y, self.u, self.dt, self.outputs, self.inputs, kinds)
+        return _restore_batch(self.y, self.u, self.dt, self.sigma, self.outputs, self.inputs, kinds)
 
     def __repr__(self) -> str:
         replicates, channels, count = self.y.shape
@@ -207,5 +218,23 @@ def _between(words: Sequence[str], u: F64, y: F64) -> tuple[str, ...]:
     )
 
 
-def _restore_batch(y: F64, u: F64, dt: float, outputs: Names, inputs: Names, words: Sequence[str]) -> Batch:
-    return Batch(y, u if u.shape[1] else None, dt, outputs=outputs, inputs=inputs, intersample=words)
+def _levels(given: ArrayLike | None, shape: tuple[int, ...]) -> F64 | None:
+    """Return relative standard deviations (replicate or 1, channel, time)."""
+    if given is None:
+        return None
+    read = floats(given, "sigma")
+    each = read if read.ndim == 3 else read[None]
+    if len(each) not in (1, shape[0]):
+        raise DataError(
+            f"Batch: sigma has shape {read.shape} and y {shape}; sigma must be (replicate, channel, time), "
+            "(channel, time) or (time), with as many samples as y"
+        )
+    times, size = np.arange(float(shape[2])), (shape[1], shape[2])
+    return frozen(np.array([sigma_of(own, None, times, size) for own in each]))
+
+
+def _restore_batch(
+    y: F64, u: F64, dt: float, sigma: F64 | None, outputs: Names, inputs: Names, words: Sequence[str]
+) -> Batch:
+    given = u if u.shape[1] else None
+    return Batch(y, given, dt, sigma=sigma, outputs=outputs, inputs=inputs, intersample=words)

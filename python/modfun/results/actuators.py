@@ -37,7 +37,8 @@ from .diagnosis import diagnose, growth, level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free, still_held
 from .estimates import Estimates
 from .linear_lines import linear_of, testable
-from .misfit import LIKE_GUSTS, UNLIKELY, UNSPOKEN, suspicious
+from .misfit import LIKE_GUSTS, UNLIKELY, suspicious
+from .missing_modes import UNSPOKEN
 from .next_structures import best_cure
 from .noisy_inputs import noisy_input
 from .offsets import mean

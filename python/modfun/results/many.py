@@ -70,6 +70,26 @@ class FitMany(Elsewhere):
     notes : tuple of str
         How inputs that nobody declared are read where their samples leave it open, and how many fits ended
         in a FitError, with the text of the first; in sentences.
+
+    See Also
+    --------
+    modfun.fit_many : Makes it.
+    modfun.Fit : One fit.
+
+    References
+    ----------
+    R. Koenker, J. Econometrics 17, 1981, for noise that changes; the guide docs/howto/read_uncertainty.md.
+
+    Examples
+    --------
+    >>> import modfun as mf
+    >>> import numpy as np
+    >>> clean = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
+    >>> noise = 0.02 * np.random.default_rng(1).standard_normal((20, 1, 257))
+    >>> batch = mf.Batch(y=clean.y + noise, u=clean.u, dt=clean.dt, intersample="smooth")
+    >>> many = mf.fit_many(batch, mf.TransferFunction(poles=2, zeros=0), progress=False)
+    >>> many.params.shape, many.failures
+    ((20, 3), {})
     """
 
     _elsewhere = FITS
@@ -263,11 +283,7 @@ class FitMany(Elsewhere):
         look: Callable[[FitMany], tuple[NDArray[np.bool_], F64]] | None,
         notes: tuple[str, ...] = (),
     ) -> FitMany:
-        """The core's answer for a batch.
-
-        `alone` fits one record over the same band; `look` finds noise that changes and the errors that
-        allow for it.
-        """
+        """The core's answer for a batch; `alone` fits one record, `look` finds noise that changes."""
         (low, high), omega0 = found["lines"][0], found["omega0"][0]
         status = np.array(STATUS).take(found["status"])
         ended = np.isin(status, USABLE)[:, None]  # elsewhere the core leaves what it began with

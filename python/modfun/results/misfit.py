@@ -28,8 +28,9 @@ from .driven_equations import driven
 from .estimates import Estimates
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
+from .missing_modes import UNSPOKEN, like_gusts, linear_instead, missing_mode, tone_left
 from .next_structures import best_cure
-from .origin import gain_of_colour, gain_of_process, hum, on_wide_band, origin
+from .origin import either, gain_of_colour, gain_of_process, hum, origin, position
 from .worth import worth
 
 __all__ = [
@@ -53,9 +54,8 @@ LOOK = 0.01  # p-value of the cheap tests below which a fit looks further by its
 SUREST = 1e-6  # the same of neighbouring lines, whose law is chi-square's only about, and of gains
 LEVEL = 1.5  # ratio of noise levels; with few lines chance makes larger ones, so p-values decide, too
 AMPLIFIED = 1.5  # ratio of noise levels beyond which products of derivatives have bent estimates
+BENT = ("power", "gain", "change")  # what a system does that is not linear, or changes
 LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
-SLOWEST = 2.5  # periods in a record, of a tone: fewer are those of slow noise
-UNSPOKEN = 20.0  # of BIC: what leaves no doubt though no test has shown it; uneven noise made 11
 FIRST = 1e9  # of BIC: above what any cure lowers it by
 DRIVES = "seems to drive the equations"
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
@@ -170,20 +170,8 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
 
 def of_tone(fit: Estimates) -> Doubt | None:
     """That most of the residuals are one tone, such as a hum."""
-    found = hum(fit)
-    return Doubt(_tone(fit, *found), sure=False) if found and _repeats(fit, found) else None
-
-
-def _hum(fit: Estimates) -> tuple[int, float, float] | None:
-    """The same on a wide band where a fit has few lines, of which none stands out; no slow noise."""
-    wide = on_wide_band(fit)
-    found = hum(fit) or (hum(wide) if wide is not None else None)
-    return found if found and _repeats(fit, found) else None
-
-
-def _repeats(fit: Estimates, tone: tuple[int, float, float]) -> bool:
-    """Whether a record holds enough periods of a tone: one period is what a load makes that changes once."""
-    return tone[1] > SLOWEST * min(fit.omega0)
+    found = tone_left(fit)
+    return Doubt(_tone(fit, *found), sure=False) if found else None
 
 
 def _tone(fit: Estimates, output: int, omega: float, part: float) -> str:
@@ -233,7 +221,7 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
         f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
     )
-    if alone and not hum(fit) and (tone := _hum(fit)):
+    if alone and not hum(fit) and (tone := tone_left(fit, wide=True)):
         return Doubt(_tone(fit, *tone), sure=d.chi2_p < SURE)
     found = origin(fit) if alone else None
     drift = with_drift(fit) if found == "process" and fit.trend == "constant" else None
@@ -246,7 +234,7 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
     if found == "process":
         text += (
             " Their spectrum is that of something which drives the system itself, such as turbulence, load "
-            f"or an input that is not in the record.{_position(fit)} First try that input"
+            f"or an input that is not in the record.{position(fit)} First try that input"
             f"{other_drive(fit)}."
         )
         return Doubt(text, sure=d.chi2_p < SURE)
@@ -264,28 +252,13 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
             "equations at once, take noise=mf.ProcessNoise(gust=...)."
         )
     if found == "either":
-        text += (
-            f"{_position(fit)} Noise that drives the system, such as turbulence, looks like this, too; "
-            "standard errors are then too small. One record does not tell it from slow noise of the sensors: "
-            'first take noise="process", whose intervals hold for both.'
-        )
+        text += either(fit)
     if found == "coloured":
         low, high = fit.band
         # Where noise is steep, a band of its own goes far beyond the system, and leads to other minima.
         over = f'noise="coloured", band=({low:.4g}, {high:.4g})'
         text += f" Coloured noise on the samples fits their spectrum: compare {over}, the band of this fit."
     return Doubt(text, sure=False)
-
-
-def _position(fit: Estimates) -> str:
-    """That a held input may be a command, which an actuator follows in its own way."""
-    held = [name for name, word in zip(fit.inputs, fit.intersample, strict=True) if word == "zoh"]
-    if not held:
-        return ""
-    return (
-        f" If {' or '.join(held)} is a command, a rate limit, backlash or friction of its actuator looks "
-        "like this, too: record the position, and take it as the input."
-    )
 
 
 def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[tuple[Doubt, float]]:
@@ -302,13 +275,21 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         settled = drift is not None and drift.level_p > UNLIKELY > SURE > level_p(fit)
         return [(Doubt(_words(fit, one, y, chance), settled), one.bic)] if spoken or settled else []
     if one.what != "response":
-        text = _words(fit, one, y, chance)
-        if one.what in LIKE_GUSTS and level_p(fit) < SURE and origin(fit) in ("process", "either"):
+        cure = linear_instead(fit, one) if one.what in BENT else None
+        text, fall = _words(fit, one, y, chance), one.bic
+        if cure:
+            start, _, _ = text.partition(chance)
+            fall = cure.before - cure.after
+            text = (
+                f"{start}{chance}), and another linear structure explains them, too. First try "
+                f"{cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
+            )
+        if one.what in LIKE_GUSTS and level_p(fit) < SURE and like_gusts(fit, cure):
             text += (
                 " Noise that drives the system, such as turbulence, makes a light mode look like this, too: "
                 'compare noise="process".'
             )
-        return [(Doubt(text, sure), one.bic)]
+        return [(Doubt(text, sure), fall)]
     cure = best_cure(fit, one.output, one.channel)
     text = f"The residuals of {y} follow {one.channel} ({chance}): part of the response is missing."
     if cure is None:
@@ -332,15 +313,8 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
     Free motion has no response to test, and a sharp mode is like none of the smooth ones that are tested.
     """
     found = []
-    # Two more poles follow a tone, as a mode without damping, and noise that drives a light mode.
-    noisy = _hum(fit) or origin(fit) in ("process", "either")
     for i, y in enumerate(fit.outputs):
-        cures = [best_cure(fit, i, channel) for channel in fit.inputs or (None,)]
-        settled = [cure for cure in cures if cure is not None and cure.level_p > UNLIKELY]
-        settled = [cure for cure in settled if cure.before - cure.after > UNSPOKEN]
-        settled = [cure for cure in settled if not (noisy and cure.words.startswith("two more"))]
-        if settled:
-            cure = min(settled, key=lambda cure: cure.after)
+        if cure := missing_mode(fit, i):
             text = (
                 f"{_above(y)} First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
             )

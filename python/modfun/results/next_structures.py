@@ -52,7 +52,7 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
         if isfinite(after) and after < (found.after if found else before) - margin:
             delay = [name for name in other.param_names if name.startswith("delay")]
             late = f" ({other[delay[-1]]:.3g} s)" if "delay" in words and delay else ""
-            found = Cure(words + late, before, after, level_p(other))
+            found = Cure(words + late, before, after, level_p(other), other)
     # Poles follow a drift, too.
     drift = with_drift(fit) if found and "poles=" in found.words and fit.trend == "constant" else None
     return drift if found and drift and drift.after < found.after else found

@@ -1,4 +1,4 @@
-"""Noise that changes over a record: a test, its level in time, and the errors that it makes."""
+"""Noise that changes over a record, or with what is read: tests, its level, and the errors that it makes."""
 
 from __future__ import annotations
 
@@ -37,6 +37,9 @@ __all__ = [
 
 UNEVEN = 0.01  # p-value below which noise is taken to change
 POWERS = 4  # polynomials of the test
+READING = 2  # the same of the size of the reading: of a noise with a floor and a part in proportion
+SPANS = 0.5  # of its largest size an output falls below, or noise cannot go with that
+TERMS = 4  # polynomials of the level over that size; 3 miss a low floor, 6 and the true level change no error
 SHORTEST = 64  # samples
 ORDER = 8  # of the autoregression
 SAME = 1e-9  # singular values below are rounding
@@ -57,24 +60,31 @@ class Uneven(NamedTuple):
         Residuals of each record, (output, time), without its last sample.
     new : tuple of ndarray
         What an autoregression does not foresee of them, (output, time), without the first `ORDER` samples.
+    readings : tuple of ndarray or None
+        Sizes of the simulated outputs, (output, time), where the level goes with these; None: with the time.
     """
 
     p_value: float
     output: int
     errors: tuple[F64, ...]
     new: tuple[F64, ...]
+    readings: tuple[F64, ...] | None = None
 
     def levels(self) -> list[F64]:
         """Smooth standard deviation of what is new in each record, (output, time)."""
-        return [np.array([level_in_time(own) for own in new]) for new in self.new]
+        if self.readings is None:
+            return [np.array([level_in_time(own) for own in new]) for new in self.new]
+        outputs = range(len(self.new[0]))
+        rows = [_level_over([own[i] for own in self.new], [own[i] for own in self.readings]) for i in outputs]
+        return [np.array(own) for own in zip(*rows, strict=True)]
 
 
 def uneven(fit: Estimates) -> Uneven | None:
     """Whether the noise of an output changes; None where residuals in time cannot tell.
 
     Squares of what an autoregression does not foresee of the residuals are regressed on polynomials of the
-    time; their number times R² is chi-squared, whatever the tails of the noise (R. Koenker, J. Econometrics
-    17, 1981).
+    time, and on those of the size of the simulated output; their number times R² is chi-squared, whatever the
+    tails of the noise (R. Koenker, J. Econometrics 17, 1981). The plainer of the two tells the level.
     """
     records = fit.records or ()
     short = min(fit.intervals, default=0) < SHORTEST or any(rec.dt is None for rec in records)
@@ -90,10 +100,11 @@ def uneven(fit: Estimates) -> Uneven | None:
         return None
     try:
         with np.errstate(all="ignore"):
-            errors = [
-                (rec.y - fit.simulate(rec)[0])[:, rec.intervals - count : -1]
-                for rec, count in zip(records, fit.intervals, strict=True)
-            ]
+            both = list(zip(records, fit.intervals, strict=True))
+            found = [fit.simulate(rec)[0][:, rec.intervals - count : -1] for rec, count in both]
+        errors = [
+            rec.y[:, rec.intervals - count : -1] - own for (rec, count), own in zip(both, found, strict=True)
+        ]
     except (ModfunError, np.linalg.LinAlgError):  # a response that leaves the range of numbers
         return None
     if not all(np.all(np.isfinite(own)) and np.all(own.any(axis=1)) for own in errors):
@@ -106,9 +117,13 @@ def uneven(fit: Estimates) -> Uneven | None:
     if not (fit.layout.rational or fit.structure.linear) and _leaves(fit, errors):
         return None  # of a chaotic system, whose errors are its own divergence
     new = tuple([unforeseen(own) for own in errors])
-    p = p_values(new)
+    sizes = tuple([np.abs(own) for own in found])
+    in_time, over_sizes = p_values(new), p_values(new, sizes)
+    goes = over_sizes.min() < in_time.min()
+    p = over_sizes if goes else in_time
     most = int(np.argmin(p))
-    return Uneven(min(1.0, p.size * float(p[most])), most, tuple(errors), new)
+    chance = min(1.0, 2 * p.size * float(p[most]))
+    return Uneven(chance, most, tuple(errors), new, sizes if goes else None)
 
 
 def _leaves(fit: Estimates, errors: Sequence[F64]) -> bool:
@@ -134,19 +149,46 @@ def unforeseen(errors: F64) -> F64:
     return np.asarray(now - np.einsum("rtk,rk->rt", basis, np.einsum("rtk,rt->rk", basis, now)))
 
 
-def p_values(new: Sequence[F64]) -> F64:
-    """Of the test that the squares of rows do not change in time, (row,); records follow one another."""
+def p_values(new: Sequence[F64], sizes: Sequence[F64] | None = None) -> F64:
+    """Of the test that the squares of rows do not change, (row,); records follow one another.
+
+    In time, or with the sizes of what is read, (row, time), in each record.
+    """
     from scipy.special import chdtrc
 
     total = np.zeros(len(new[0]))
-    for rows in new:
+    for k, rows in enumerate(new):
         size = np.abs(rows).max(axis=1, keepdims=True)  # squares of any unit stay numbers
         squares = (rows / np.where(size > 0, size, 1.0)) ** 2
-        basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(_times(rows.shape[1]), POWERS))[0][:, 1:]
         about = squares - squares.mean(axis=1, keepdims=True)
         power = np.sum(about**2, axis=1)
-        total += rows.shape[1] * np.sum((about @ basis) ** 2, axis=1) / np.where(power > 0, power, 1.0)
-    return np.asarray(chdtrc(POWERS * len(new), total))
+        if sizes is None:
+            basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(_times(rows.shape[1]), POWERS))[0][:, 1:]
+            explained = np.sum((about @ basis) ** 2, axis=1)
+        else:
+            explained = _explained(about, sizes[k][:, ORDER:])
+        total += rows.shape[1] * explained / np.where(power > 0, power, 1.0)
+    return np.asarray(chdtrc((POWERS if sizes is None else READING) * len(new), total))
+
+
+def _explained(about: F64, sizes: F64) -> F64:
+    """What polynomials of sizes explain of rows about their means, (row,): nothing where sizes are alike.
+
+    Residuals of a temperature from 94 to 98 degrees went with it as those of a model that lacks a bend.
+    """
+    found, left = np.zeros(len(about)), list[F64]()
+    for power in range(1, READING + 1):
+        own = (sizes / np.maximum(sizes.max(axis=1, keepdims=True), np.finfo(float).tiny)) ** power
+        own -= own.mean(axis=1, keepdims=True)
+        whole = np.sum(own**2, axis=1)
+        for other in left:
+            own -= np.sum(own * other, axis=1, keepdims=True) * other
+        rest = np.sum(own**2, axis=1)
+        some = rest > SAME * np.maximum(whole, SAME)
+        own *= np.where(some, 1 / np.sqrt(np.where(some, rest, 1.0)), 0.0)[:, None]
+        found += np.sum(own * about, axis=1) ** 2
+        left.append(own)
+    return np.where(sizes.min(axis=1) < SPANS * sizes.max(axis=1), found, 0.0)
 
 
 def _times(count: int) -> F64:
@@ -160,6 +202,15 @@ def level_in_time(new: F64) -> F64:
     squares = np.append(np.zeros(ORDER), (new / size) ** 2)
     counted = np.append(np.zeros(ORDER), np.ones(new.size))
     return size * np.sqrt(smooth_level(squares, np.linspace(-1.0, 1.0, squares.size), counted))
+
+
+def _level_over(new: Sequence[F64], sizes: Sequence[F64]) -> list[F64]:
+    """The smooth level of an output over the size of what is read, in each record."""
+    largest = max(float(np.abs(own).max()) for own in new) or 1.0
+    squares = np.concatenate([np.append(np.zeros(ORDER), (own / largest) ** 2) for own in new])
+    counted = np.concatenate([np.append(np.zeros(ORDER), np.ones(own.size)) for own in new])
+    level = largest * np.sqrt(smooth_level(squares, np.concatenate(sizes), counted, TERMS))
+    return np.split(level, np.cumsum([own.size for own in sizes])[:-1])
 
 
 def covariance(fit: Estimates) -> F64 | None:
@@ -325,11 +376,18 @@ def _allowed_for(fit: Estimates) -> bool:
 
 def in_words(fit: Estimates, found: Uneven) -> str:
     """That the noise changes, and by how much."""
-    level = np.concatenate([own[found.output] for own in found.levels()])
+    level, y = _level_of(found), fit.outputs[found.output]
+    factor = f"by a factor of {level.max() / level.min():.2g} (p = {found.p_value:.2g})."
+    if found.readings is None:
+        return f"The noise of {y} changes over the record: its level in time varies {factor}"
     return (
-        f"The noise of {fit.outputs[found.output]} changes over the record: its level in time varies by a "
-        f"factor of {level.max() / level.min():.2g} (p = {found.p_value:.2g})."
+        f"The noise of {y} changes with what is read: its level goes with the size of {y} and varies {factor}"
     )
+
+
+def _level_of(found: Uneven) -> F64:
+    """The level of the output whose noise changes most plainly, records after one another."""
+    return np.concatenate([own[found.output] for own in found.levels()])
 
 
 def of_time(fit: Estimates) -> Doubt | None:
@@ -342,7 +400,17 @@ def of_time(fit: Estimates) -> Doubt | None:
         if fit.cov_type == "spectral" and _allowed_for(fit)
         else "The standard errors do not allow for it"
     )
-    return Doubt(
-        f"{in_words(fit, found)} {allowed}; Record(sigma=...) weights the samples by it, too.",
-        sure=False,
+    return Doubt(f"{in_words(fit, found)} {allowed}; {_weights(fit, found)}", sure=False)
+
+
+def _weights(fit: Estimates, found: Uneven) -> str:
+    """How samples are weighted by the level of their noise."""
+    if found.readings is None or len(fit.outputs) > 1:
+        return "Record(sigma=...) weights the samples by it, too."
+    size = np.concatenate([own[0] for own in found.readings])
+    slope, floor = np.polyfit(size, _level_of(found), 1)
+    rec = "rec" if len(found.new) == 1 else "each record"
+    return (
+        f"to weight the samples by it, too, fit {rec}.weigh(sigma={max(floor, 0.0):.3g} + {slope:.3g}*"
+        "np.abs(fit.predict(rec).y))."
     )

@@ -16,6 +16,7 @@ from .drawing import study
 from .drawing_estimates import histogram, quantiles
 from .figures import Figures
 from .page import write_study
+from .paired import paired
 from .replicate import replicate
 from .selection import selected
 
@@ -162,6 +163,45 @@ class Results(Figures):
         ((1, 1, 1), True)
         """
         return selected(self, labels)
+
+    def compare(self, first: str, second: str) -> Table:
+        """Compare two estimators on the same records, with the uncertainty of the comparison.
+
+        They share the noise of each replicate, so that their difference is known better than `rmse_mcse` and
+        `bias_mcse` of either suggest. The study has to keep its estimates, ``study.run(keep="samples")``.
+        Replicates count in which both have an estimate.
+
+        Parameters
+        ----------
+        first, second : str
+            Names of estimators.
+
+        Returns
+        -------
+        Table
+            One row per cell and parameter: `rmse` and `bias` of the first less those of the second, their
+            paired Monte Carlo standard errors (of `rmse` by the delta method), and the ratios `*_z`, which
+            beyond ±2 or so are no chance. `closer` is the share of records in which the first is nearer to
+            the true value, with its standard error: outliers hardly change it. `count` is the number of
+            records.
+
+        Raises
+        ------
+        SpecError
+            An estimator that is not in the study, or estimates that were not kept.
+
+        Examples
+        --------
+        >>> import modfun as mf
+        >>> study = mf.MonteCarlo(
+        ...     system=mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256,
+        ...     nsr=0.4, estimators=["ls", "ml"], seed=1,
+        ... )
+        >>> results = study.run(replicates=500, progress=False, keep="samples")
+        >>> bool(results.compare("ml", "ls")["rmse_z"][0] < -10)
+        True
+        """
+        return paired(self, first, second)
 
     # One replicate ---------------------------------------------------------------------------------
 

@@ -255,7 +255,13 @@ def _samples(data: Record | Batch | ArrayLike, dt: float | None) -> tuple[NDArra
                 f"a time, as rec.select(outputs={data.outputs[0]!r})"
             )
         if isinstance(data, Batch):
-            return data.y[:, 0], np.ones(data.y.shape[2]), data.dt
+            if data.sigma is not None and len(data.sigma) > 1:
+                raise SpecError(
+                    "sinusoids: records of a Batch share the weights of their samples; give sigma of shape "
+                    "(time,), or fit records one by one, mf.sinusoids(batch[k])"
+                )
+            shared = np.ones(data.y.shape[2]) if data.sigma is None else 1 / data.sigma[0, 0]
+            return data.y[:, 0], shared, data.dt
         weights = np.ones(data.y.shape[1]) if data.sigma is None else 1 / data.sigma[0]
         if data.mask is not None:
             weights = np.where(data.mask[0], weights, 0.0)

@@ -10,7 +10,15 @@ import pytest
 TYPES = {name: thing for name in mf.__all__ if isinstance(thing := getattr(mf, name), type)}
 EXCEPTIONS = {name for name, thing in TYPES.items() if issubclass(thing, Exception)}
 # Made by functions, never by users: their attributes are what is documented.
-RESULTS = {"Fit", "Reduction", "Results", "rivals.ARX", "rivals.OutputError", "rivals.PredictionError"}
+RESULTS = {
+    "Fit",
+    "FitMany",
+    "Reduction",
+    "Results",
+    "rivals.ARX",
+    "rivals.OutputError",
+    "rivals.PredictionError",
+}
 UNDERLINED = re.compile(r"^(\w+)\n-{3,}$", re.MULTILINE)
 
 

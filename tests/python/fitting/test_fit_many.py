@@ -297,3 +297,24 @@ def test_an_input_that_a_batch_lacks_is_in_its_table():
     assert wrong.doubts[0] in repr(wrong)
     assert pickle.loads(pickle.dumps(wrong)).doubts == wrong.doubts
     assert right.doubts == ()
+
+
+def test_a_batch_has_relative_noise_of_its_samples(batch):
+    level = np.where(np.arange(257) > 128, 3.0, 1.0)
+    told = {"u": batch.u, "dt": batch.dt, "intersample": batch.intersample}
+    each = np.stack([level * (k + 1) for k in range(4)])[:, None]
+    for sigma in (level, level[None], each):
+        weighted = pickle.loads(pickle.dumps(mf.Batch(y=batch.y[:4], sigma=sigma, **told)))
+        many = mf.fit_many(weighted, TF20, progress=False)
+        singly = mf.fit_many([batch[k].weigh(sigma=level) for k in range(4)], TF20, progress=False)
+        np.testing.assert_allclose(many.params, singly.params, rtol=1e-9)
+        np.testing.assert_allclose(many.bse, singly.bse, rtol=1e-9)
+    alone = mf.Batch(y=batch.y[:4], dt=batch.dt, sigma=level)
+    first = mf.sinusoids(alone[0], count=1)
+    np.testing.assert_allclose(mf.sinusoids(alone, count=1).params[0], first.params, rtol=1e-6)
+    with pytest.raises(mf.SpecError, match="share the weights"):
+        mf.sinusoids(mf.Batch(y=batch.y[:4], dt=batch.dt, sigma=each), count=1)
+    with pytest.raises(mf.DataError, match="sigma has shape"):
+        mf.Batch(y=batch.y[:4], sigma=np.ones((3, 1, 257)), **told)
+    with pytest.raises(mf.DataError, match="not positive and finite"):
+        mf.Batch(y=batch.y[:4], sigma=-level, **told)
