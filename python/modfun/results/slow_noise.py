@@ -16,6 +16,7 @@ from .estimates import Estimates
 from .misfit import SUREST, UNLIKELY, refuted, suspicious
 from .origin import LEAST_GAIN, origin, smaller_errors
 from .unseen_events import settles_otherwise
+from .worth import worth
 
 __all__ = ["slow_noise"]
 
@@ -34,7 +35,10 @@ def slow_noise(fit: Estimates, warnings_of: Warned) -> Doubt | None:
     they make errors far smaller. `warnings_of`: what a fit is warned of.
     """
     layout: Any = fit.layout
-    plain = fit.options.noise == "output" and (layout.rational or layout.compiled.is_linear)
+    # Terms that equations may lack are tried first where a regression says which are worth it.
+    plain = fit.options.noise == "output" and (
+        layout.rational or (layout.compiled.is_linear and not worth(fit))
+    )
     if not plain or fit.again is None or not fit.records or not suspicious(fit) or not refuted(fit):
         return None
     d = diagnose(fit, UNLIKELY)
