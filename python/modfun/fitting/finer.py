@@ -18,7 +18,10 @@ __all__ = ["BEFORE", "UnevenSums", "finer", "response"]
 BEFORE = np.array([-1.0, 4.0, -6.0, 4.0])  # what a cubic through the last four says of the next
 SIMPSON = np.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12  # weights of the parts of a cell
 SEEN = 30 / 4  # cells in a period of the highest line that is fitted: errors of Simpson's rule of 1e-5
-BLOCK = 64  # lines whose turns are kept
+SPREAD, SHAPE = (
+    12,
+    2.3 * 12,
+)  # neighbours on the grid of a Fourier transform at uneven times, and their weights
 CLOSE, MOST = 1e-5, 100  # relative error of samples with given sums, and steps that find them
 
 
@@ -58,30 +61,41 @@ def response(fit: Any, rec: Record, fine: Record, at: I64) -> F64:
 
 
 class _Turns:
-    """exp(-2jπkt/span) of all lines k up to the highest, without a number for each line and time."""
+    """Sums of values times exp(-2jπkt/span) on lines k from 0 on: a Fourier transform at uneven times.
+
+    Each value is spread over its neighbours on an even grid, whose fast transform is divided by the spread's
+    own, as in Dutt and Rokhlin (1993); with Kaiser and Bessel's function the error is 1e-11.
+    """
 
     def __init__(self, t: F64, top: int) -> None:
-        turn = -2j * np.pi * t / (t[-1] - t[0])
-        self.block = np.exp(np.outer(np.arange(BLOCK), turn))
-        self.ahead = np.exp(BLOCK * turn)
-        self.count, self.blocks = top + 1, -(-(top + 1) // BLOCK)
+        from scipy.fft import next_fast_len
+        from scipy.sparse import csr_array
+        from scipy.special import i0
+
+        self.top, self.size = (
+            top,
+            next_fast_len(4 * top + 4 * SPREAD, real=True),
+        )  # twice as fine as lines need
+        at = t / (t[-1] - t[0]) * self.size
+        near = np.floor(at).astype(np.int64)[:, None] + np.arange(1 - SPREAD // 2, 1 + SPREAD // 2)
+        inside = np.sqrt(np.maximum(1 - ((near - at[:, None]) / (SPREAD / 2)) ** 2, 0.0))
+        rows = np.arange(0, near.size + 1, SPREAD)
+        self.spread = csr_array(
+            (i0(SHAPE * inside).ravel(), (near % self.size).ravel(), rows), (t.size, self.size)
+        )
+        root = np.sqrt(SHAPE**2 - (np.pi * SPREAD * np.arange(top + 1) / self.size) ** 2)
+        self.own = SPREAD * np.sinh(root) / root
 
     def sums(self, values: F64) -> C128:
         """Sums of values (…, time) on each line."""
-        turned, found = values.astype(complex), []
-        for _ in range(self.blocks):
-            found.append(turned @ self.block.T)
-            turned *= self.ahead
-        return np.concatenate(found, axis=-1)[..., : self.count]
+        grid = np.asarray((self.spread.T @ values.T).T)
+        return np.asarray(np.fft.rfft(grid)[..., : self.top + 1] / self.own)
 
     def adjoint(self, lines: C128) -> F64:
         """What at each time has these lines (line,) as its part of their real product with the sums."""
-        whole = np.zeros(self.blocks * BLOCK, complex)
-        whole[: self.count] = lines
-        found = np.zeros(self.ahead.size, complex)
-        for block in whole.reshape(-1, BLOCK)[::-1]:
-            found = found * self.ahead.conj() + block @ self.block.conj()
-        return found.real
+        half = lines / self.own * (self.size / 2)
+        half[0] *= 2
+        return np.asarray(self.spread @ np.fft.irfft(half, self.size))
 
 
 class UnevenSums:
@@ -90,17 +104,16 @@ class UnevenSums:
     Parameters
     ----------
     rec : Record
-    seen : int
-        The highest line that is fitted.
     top : int
-        The highest line whose sums are set right.
+        The highest line that is fitted. Sums on those beyond, which products bring back, are left as they
+        are: samples changed by as much as they err put the coefficient of a cube 6 standard errors off.
     rule : str
     """
 
-    def __init__(self, rec: Record, seen: int, top: int, rule: str) -> None:
+    def __init__(self, rec: Record, top: int, rule: str) -> None:
         t = rec.t - rec.t[0]
         steps, self.span = np.diff(t), float(t[-1])
-        cells = np.ceil(steps * (SEEN * max(seen, 1) / self.span) - 1e-9).astype(np.int64)
+        cells = np.ceil(steps * (SEEN * max(top, 1) / self.span) - 1e-9).astype(np.int64)
         self.rec, self.fine = rec, finer(rec, 4 * cells)
         self.at = np.append(0, np.cumsum(4 * cells))
         self.weights = quadrature_weights(rule, rec.intervals, np.ascontiguousarray(t)) / self.span

@@ -24,13 +24,12 @@ from .own_response import excess
 __all__ = ["bent", "without_kinks"]
 
 FINE = 40  # samples per period of the highest line: with as many, kinks of held inputs are below 0.1 % noise
+UNEVEN = 160  # the same at uneven times: with 70, 9,000 samples left estimates 3 standard errors off
 ROUNDS = 6
 SETTLED = 0.5  # of a standard error: the last step, which is taken; the next one is some twenty times smaller
 CLOSE = 0.1  # the same of nonlinear equations, where the next one may be nine tenths as large
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
 PARTS = 4  # of a sampling interval, in which the response is looked at,
-WIDE = 1 << 19  # lines times uneven samples; beyond, fitted lines alone: of 2,000 samples 2 s instead of 6
-LARGE = 1 << 23  # beyond, nonlinear fits stay: of 6,000 samples 5 s instead of 14, but 10 standard errors off
 SEEN = 30  # or more, such that Simpson's rule has so many in a period of the highest line: errors of 1e-5
 
 
@@ -42,7 +41,6 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
     several standard errors, with jumps by tens. The estimate's own response, simulated between the samples,
     tells what its samples' sums have too much; that is taken out of the outputs, and the fit follows anew.
     Where jumps have put the first estimate far off, the search begins from inputs as the samples see them.
-    Of nonlinear ones over more than `LARGE` lines times uneven samples the fit stays: a round takes as long.
 
     Parameters
     ----------
@@ -50,7 +48,7 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
     refit : callable
         Takes records, structure and options.
     """
-    if fit.records is None or not bent(fit) or _large(fit, fit.records):
+    if fit.records is None or not bent(fit):
         return fit
     found = _settled(fit, fit.records, refit) if fit.success else None
     if found is None and (fit.success or _jumps(fit)):
@@ -63,20 +61,6 @@ def without_kinks(fit: EquationFit, refit: Callable[..., EquationFit]) -> Equati
     if found is None:
         return replace(fit, unsettled=fit.success and _whole(fit, fit.records))
     return replace(found, options=fit.options, again=fit.again)
-
-
-def _large(fit: EquationFit, records: tuple[Record, ...]) -> bool:
-    """Whether rounds over uneven times take too long, as those of nonlinear equations do."""
-    if fit.layout.compiled.is_linear:  # of 6,000 samples 7 s, and 9 standard errors less
-        return False
-    pairs = zip(fit.lines, records, strict=True)
-    return sum([last * rec.t.size for (_, last), rec in pairs if rec.dt is None]) > LARGE
-
-
-def _top(fit: EquationFit, k: int, rec: Record) -> int:
-    """The highest line whose sums at uneven times are set right: products bring back those beyond."""
-    last, most = fit.lines[k][1], rec.intervals // 3
-    return last if fit.structure.linear or most * rec.t.size > WIDE else max(last, most)
 
 
 def _jumps(fit: EquationFit) -> bool:
@@ -129,7 +113,7 @@ def _settled(
 def _finer(fit: EquationFit, k: int, rec: Record) -> Record | UnevenSums:
     """Inputs in parts of the sampling interval; sums of responses at uneven times."""
     if rec.dt is None:
-        return UnevenSums(rec, fit.lines[k][1], _top(fit, k, rec), fit.options.rule)
+        return UnevenSums(rec, fit.lines[k][1], fit.options.rule)
     parts = PARTS
     while fit.band[1] * rec.dt * SEEN > 2 * pi * parts:
         parts *= 2
@@ -156,8 +140,8 @@ def bent(fit: EquationFit) -> bool:
     plain = (options.initial_state, options.robust, options.reference) == ("unknown", False, ())
     plain = plain and options.noise == "output" and not fit.layout.formulas.words["priors"]
     held = any("zoh" in rec.intersample or rec.functions for rec in fit.records or ())
-    steps = [rec.duration / rec.intervals for rec in fit.records or ()]
-    fast = any(fit.band[1] * step * FINE > 2 * pi for step in steps)
+    enough = [rec.intervals / (FINE if rec.dt else UNEVEN) / rec.duration for rec in fit.records or ()]
+    fast = any(fit.band[1] > 2 * pi * frequency for frequency in enough)
     if not (plain and fast) or fit.at_bound:
         return False
     return held or (_whole(fit, fit.records or ()) and fit.success and suspicious(fit))

@@ -24,7 +24,7 @@ from .changes import Alone, Changes, may_change
 from .few_lines import many_at_least_white
 from .of_equations import PreparedEquation, batch_of, prepare_equation
 from .prepared import Prepared, prepare, refuse_cut_off, refuse_standing
-from .wider import ENOUGH
+from .wider import ENOUGH, LOOKED, NEARLY
 
 __all__ = ["fit_batch", "fit_each"]
 
@@ -109,10 +109,13 @@ def _starts(data: Batch | tuple[Record, ...], single: Callable[[int], Fit | None
 
 
 def _wider(found: dict[str, Any], options: Options, single: Callable[[int], Fit | None]) -> Options | None:
-    """The options with the band of the first record's fit, where few lines make it wider than the core's."""
-    asked = options.band is not None or options.harmonics is not None
-    first = None if asked or found["df_resid"] >= ENOUGH else single(0)
-    wider = first is not None and "widened" in (first.band_rule or {})
+    """The options with the band of the first record's fit, where that may be wider than the core's."""
+    last = found["lines"][0][1]
+    enough = found["df_resid"] >= ENOUGH and last < NEARLY * LOOKED
+    if options.band is not None or options.harmonics is not None or enough:
+        return None
+    first = single(0)
+    wider = first is not None and first.band[1] > (last + 0.5) * found["omega0"][0]
     return on_band(first, first.band) if first is not None and wider else None
 
 

@@ -22,15 +22,23 @@ from .prepared import counts_start
 from .robust import refuse_robust, robust_fit
 from .signs import settled, signed
 from .uneven import equations_on_fewer_lines, from_response, without_excess
-from .wider import equations_on_enough_lines
+from .wider import equations_on_enough_lines, equations_on_more_lines
 
 __all__ = ["fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
 
 
 def fit_quietly(
-    records: tuple[Record, ...], structure: Any, options: Options, starts: Sequence[float] | None = None
+    records: tuple[Record, ...],
+    structure: Any,
+    options: Options,
+    starts: Sequence[float] | None = None,
+    unfolded: bool = False,
 ) -> Fit:
-    """One fit without its warnings; `starts`: where the search of an equation's parameters begins."""
+    """One fit without its warnings.
+
+    `starts`: where the search of an equation's parameters begins; `unfolded`: whether what sampling folds is
+    out of the outputs already, as another fit told.
+    """
     refuse_uneven(records)
     if options.reference:
         return referenced_fit(records, structure, options, fit_quietly)
@@ -40,7 +48,8 @@ def fit_quietly(
         few = fit_equation(records, structure, options, fit_quietly, starts=starts)
         few = settled(few, lambda made: fit_equation(records, made, options, fit_quietly))
         enough = equations_on_enough_lines(equations_on_fewer_lines(few, fit_equation), fit_equation)
-        made = signed(equations_closely(enough, fit_equation))
+        enough = equations_on_more_lines(enough, fit_equation)
+        made = signed(enough if unfolded else equations_closely(enough, fit_equation))
         made = by_samples(made)
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from .._core import pooled_power
 from ..base.cached import kept
 from ..base.tables import Findings
-from ..models.transfer_function import TransferFunction
+from ..errors import ModfunError
 from ..records.steady import QUIET, standing
 from .actuators import limited_input, unlike_command
 from .band_end import beyond
@@ -56,18 +55,19 @@ from .known_start import contradicted_p, gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
-from .misfit import SUREST, UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone, refuted, suspicious
+from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
 from .multiplied import misweighted, multiplied
 from .next_structures import best_cure
 from .noise_modes import noise_mode
 from .noisy_inputs import noisy_input
 from .nothing_free import nothing_free
 from .offsets import is_all, mean, offset
-from .origin import LEAST_GAIN, origin, smaller_errors
+from .origin import LEAST_GAIN, smaller_errors
 from .powers import not_linear
 from .refits import lengthy
 from .runaway import runaway
 from .slow_inputs import slow_input
+from .slow_noise import slow_noise
 from .sparse import sparse
 from .stand_in import stand_in
 from .still_inputs import of_still_inputs
@@ -80,7 +80,7 @@ from .uneven_noise import of_time
 from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
 from .unrecorded_inputs import unforced, unrecorded_input
-from .unseen_events import settles_otherwise, unseen_event
+from .unseen_events import unseen_event
 
 __all__ = ["check", "is_quick", "warnings_of"]
 
@@ -90,9 +90,6 @@ STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
 )
-SLOW, MANY = 2.0, 16  # residual lines of the lower half of the band over those of the upper, of so many
-FEWEST = 4  # samples per period where bands for such weights end
-PAYS = 3.0  # standard errors without their spectrum over those with it
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -196,7 +193,7 @@ def bounded(fit: Estimates) -> Doubt | None:
     """That parameters ended on bounds, or why: records of regulation hold no plant, and slow noise drives."""
     doubt = on_bound(fit)
     loop = feedback(fit) if doubt else None
-    return fed_back(fit) if loop and loop.regulates else (doubt and slow_noise(fit)) or doubt
+    return fed_back(fit) if loop and loop.regulates else (doubt and _slow(fit)) or doubt
 
 
 @kept
@@ -246,10 +243,13 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
     other = again(fit, fit.records, fit.structure, options) if fit.again is not None else None
     others = tuple([look for look in LOOKS if look is not uncertain_poles])
     if other is not None and not warnings_of(other, others):
-        return f'First fit with the command of the loop, reference="{name}"{free}.'
+        weighted = in_coloured_noise(other)  # by slow disturbances a loop's record is bad without that, too
+        pays = weighted and weighted.success and smaller_errors(other, weighted) > LEAST_GAIN
+        colour = ', noise="coloured"' if weighted and pays and not warnings_of(weighted, others) else ""
+        return f'First fit with the command of the loop, reference="{name}"{free}{colour}.'
     if otherwise:
         return f'{otherwise}, and fit with reference="{name}"{free}.'
-    if slow := slow_noise(fit):
+    if slow := _slow(fit):
         return f'A fit with reference="{name}" does not settle or leaves more than noise. {slow.text}'
     return (
         f'A fit with reference="{name}" does not settle or leaves more than noise: {name} moves {channel} '
@@ -259,7 +259,7 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
 
 def unexplained(fit: Estimates) -> Doubt | None:
     """What residuals say beyond doubt; what the record shows by itself comes first, as the likelier cause."""
-    doubt = slow_noise(fit) or misfit(fit)
+    doubt = _slow(fit) or misfit(fit)
     return joined(fit) or clipped(fit) or doubt if doubt else None
 
 
@@ -269,88 +269,8 @@ def saturated(fit: Estimates) -> Doubt | None:
 
 
 @kept
-def slow_noise(fit: Estimates) -> Doubt | None:
-    """That disturbances of the outputs are slow, which weights of white noise leave in the estimates.
-
-    Their lines follow each other, as those of an event do, and the inputs by chance: structures that follow
-    these are wrong. Said where a fit with weights of their spectrum leaves nothing in doubt.
-    """
-    plain = isinstance(fit.structure, TransferFunction) and fit.options.noise == "output"
-    if not plain or fit.again is None or not fit.records or not suspicious(fit) or not refuted(fit):
-        return None
-    d = diagnose(fit, UNLIKELY)
-    if (
-        noise_free(fit)
-        or not (d.colour_ratio > SLOW and d.colour.p_value < SURE and _falls(fit))
-        or origin(fit) == "process"
-    ):
-        return None
-    drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"))
-    if drift is None or not refuted(drift) or _structural(fit, drift):
-        return None
-    found = _weighted(fit)
-    if found is None:
-        return None
-    other, words = found
-    gain = smaller_errors(fit, other)
-    followed = min([d.correlation.p_value, *(one.p_value * len(d.further) for one in d.further)])
-    if not (gain > PAYS or followed < SUREST or fit.at_bound):
-        return None
-    less = f", and standard errors {gain:.2g} times smaller (geometric mean)" if gain > LEAST_GAIN else ""
-    return Doubt(
-        f"A slow disturbance is on {d.coloured}: residual lines are {d.colour_ratio:.3g} times as strong in "
-        "the lower half of the band as in the upper. First weight the lines by their spectrum, "
-        f"{words}: that leaves nothing unexplained{less}."
-    )
-
-
-def _falls(fit: Estimates) -> bool:
-    """Whether residuals of a row are strongest in the lowest eighth of the band, as those of no mode are."""
-    for i in range(len(fit.row_names)):
-        pooled = pooled_power([piece[i] for piece in fit.pieces])
-        if (
-            pooled.size >= MANY
-            and pooled[: pooled.size // 8].mean() > SLOW**2 * pooled[pooled.size // 8 :].mean()
-        ):
-            return True
-    return False
-
-
-def _structural(fit: Estimates, drift: Estimates) -> bool:
-    """Whether another structure is wanted: by tests beside a drift, or by what brings residuals to the noise.
-
-    The ends of slow noise lie apart as those of a drift do, which turns all lines alike: without one, such
-    noise follows inputs by chance.
-    """
-    if not fit.at_bound:
-        tests = [
-            one.p_value for one in diagnose(drift, UNLIKELY).further if one.what not in ("event", "spike")
-        ]
-        if min(tests, default=1.0) < SURE:
-            return True
-    layout: Any = fit.layout
-    if len(layout.free_delays) > 1:  # each cure is a search
-        return False
-    return settles_otherwise(fit)
-
-
-def _weighted(fit: Estimates) -> tuple[Estimates, str] | None:
-    """The fit with weights of the noise spectrum, and its options in words, on the narrowest band in order.
-
-    The default band is chosen by white noise: where that is strong, steep noise needs more lines.
-    """
-    other, words = in_coloured_noise(fit), 'noise="coloured"'
-    top = min([2 * np.pi / (FEWEST * rec.dt) for rec in fit.records or () if rec.dt], default=0.0)
-    low, edge = fit.band
-    while other is None or not other.success or warnings_of(other):
-        edge = float(f"{2 * edge:.3g}")
-        if fit.options.band is not None or fit.options.harmonics is not None or edge > top:
-            return None
-        band = (float(f"{low:.3g}"), edge)
-        options = fit.options.replace(noise="coloured", output_weights=None, band=band)
-        other = again(fit, fit.records or (), fit.structure, options)
-        words = f'noise="coloured", band=({band[0]:g}, {band[1]:g})'
-    return other, words
+def _slow(fit: Estimates) -> Doubt | None:
+    return slow_noise(fit, warnings_of)
 
 
 def not_from_zero(fit: Estimates) -> Doubt | None:
@@ -396,6 +316,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     twin,
 )  # fmt: skip
 
+FAILURES = (ArithmeticError, LookupError, TypeError, ValueError, ModfunError, np.linalg.LinAlgError)
+
 
 def warnings_of(fit: Estimates, looks: tuple[Callable[[Estimates], Doubt | None], ...] = LOOKS) -> list[str]:
     """The one warning a fit is made with: the first of what is beyond doubt, if there is any."""
@@ -403,13 +325,20 @@ def warnings_of(fit: Estimates, looks: tuple[Callable[[Estimates], Doubt | None]
         return [f"fit: {_failed(fit)}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
         whole = stand_in(fit)
-        found = (look(_seen(look, fit, whole)) for look in looks)
+        found = (_looked(look, fit, whole) for look in looks)
         return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
 
 
-def _seen(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Estimates) -> Estimates:
-    """The fit with masked samples filled; what a historian stored is seen without these."""
-    return fit if look is stored_late else whole
+def _looked(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Estimates) -> Doubt | None:
+    """What a look finds; one that fails, as in models at other parameters, must not lose the fit.
+
+    The fit is seen with masked samples filled; what a historian stored is seen without these.
+    """
+    try:
+        return look(fit if look is stored_late else whole)
+    except FAILURES as error:
+        text = f"{type(error).__name__}: {error}"
+        return Doubt(f"A part of this check, {look.__name__}, failed ({text}): please report it.", sure=False)
 
 
 def is_quick(fit: Estimates) -> bool:
@@ -432,7 +361,7 @@ def check(fit: Estimates, line: str) -> Findings:
         whole = stand_in(fit)
         if held := nothing_free(whole):  # of other numbers residuals tell something else
             return Findings(title, [held.text])
-        said = {look: look(_seen(look, fit, whole)) for look in LOOKS if look is not unexplained}
+        said = {look: _looked(look, fit, whole) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why
             said |= dict.fromkeys((noise_bends, unsettled, condition))
         if said[unseen_event]:
@@ -470,12 +399,14 @@ def check(fit: Estimates, line: str) -> Findings:
         # Residuals of another model than the record has say no more.
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
-            residual = of_residuals(whole, d)
+            slow = _slow(whole)
+            residual = [slow] if slow else of_residuals(whole, d)
             sure = any(doubt and doubt.sure for doubt in residual)
             found += [clipped(whole)] if sure else []
             named = any(doubt and 'trend="linear"' in doubt.text for doubt in residual)
-            found += [of_tone(whole), *residual, None if named else of_drift(whole)]
-            found += [of_colour(whole, d), (None if sure else multiplied(whole)) or of_time(whole)]
+            found += [of_tone(whole), *residual]
+            found += [] if slow else [None if named else of_drift(whole), of_colour(whole, d)]
+            found += [(None if sure else multiplied(whole)) or of_time(whole)]
         found += [
             None if said[wandering] else undeclared(whole),
             biased(fit),

@@ -147,13 +147,17 @@ def _of_group(
 ) -> Cure | None:
     """The change of a group that lowers BIC most, or what was found before."""
     before, options = bic_beside(fit, fit), on_band(fit, fit.band)
+    # To simulate each candidate between the samples took more than half of the time, 50 s with two delays.
+    layout: Any = fit.layout
+    unfolded: Any = layout.compiled.is_linear and getattr(fit, "unfolded", ())
+    records, how = (unfolded, {"unfolded": True}) if unfolded else (fit.records, {})
     best = found.after - CLOSE if found else before - WORTH
     afters, chosen = dict[Key, float](), Key()
     first = found  # a shift, perhaps, or the lag that does about as well
     for words, structure, key, told in _worthwhile(fit, group, moved):
         if found and found.level_p > ENOUGH and not told and isinstance(structure, Equation):
             break  # no powers where a linear term leaves the noise alone
-        other = again(fit, fit.records, structure, options, near=True)
+        other = again(fit, records, structure, options, near=True, **how)
         if other is None or {EXTRA, ZERO} & {*other.at_bound}:
             continue
         if growth(other) > 0 >= growth(fit):  # unstable where the fit is stable
@@ -342,11 +346,9 @@ def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:
     return fit.param_names[at], was, now, float(far[at])
 
 
-def again(
-    fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False
-) -> Estimates | None:
-    """The fit made again with other words; None where it has no answer. `near`: begun at the estimates."""
-    other = again_at_all(fit, records, structure, options, near=near)
+def again(fit: Estimates, records: Any, structure: Any, options: Options, **how: bool) -> Estimates | None:
+    """The fit made again with other words, as by `again_at_all`; None where it has no answer."""
+    other = again_at_all(fit, records, structure, options, **how)
     return other if other is not None and other.usable and _has_model(other) else None
 
 
@@ -359,12 +361,12 @@ def _has_model(fit: Estimates) -> bool:
 
 
 def again_at_all(
-    fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False
+    fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False, **how: bool
 ) -> Estimates | None:
-    """The same, also without an answer; None where it is refused."""
+    """The same, also without an answer; None where it is refused. `near`: begun at the estimates."""
     made: Any = fit.again
     try:
-        return made(records, structure, options, **(starts_beside(fit, structure) if near else {}))  # type: ignore[no-any-return]
+        return made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)  # type: ignore[no-any-return]
     except ModfunError:  # too many unknowns for the band, say
         return None
 

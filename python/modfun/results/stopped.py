@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..base.cached import kept
 from ..models.transfer_function import TransferFunction
 from .cures import ENOUGH, again
@@ -24,15 +26,22 @@ def too_many_poles(fit: Estimates) -> Doubt | None:
     poles = layout.orders[0] - 1
     degrees = [[None if d is None else min(d, poles) for d in row] for row in layout.numerators]
     other = again(fit, fit.records, rewritten(fit, poles=poles, zeros=degrees), fit.options)
-    if other is None or not _answers(other):
+    if other is None or not (_answers(other) or _does_better(other, fit)):
         return None
+    left = "leaves only the noise" if _answers(other) else "leaves less of the outputs"
     held = f" and still held {still_held(fit)[0]}" if still_held(fit) else ""
     return Doubt(
         f"The search stopped after {fit.nit} iterations without settling{held}: there are too many poles. "
-        f"First try poles={poles}, with which it settles and only the noise is left."
+        f"First try poles={poles}, with which it settles and {left}."
     )
 
 
 def _answers(fit: Estimates) -> bool:
     """Whether a fit settles and leaves only the noise."""
     return fit.usable and fit.success and level_p(fit) > ENOUGH
+
+
+def _does_better(fit: Estimates, larger: Estimates) -> bool:
+    """Whether a smaller structure settles and leaves less, where no band shows noise alone."""
+    settled = fit.usable and fit.success and bool(np.isnan(level_p(fit)))
+    return settled and bool(np.all(np.diag(fit.noise_cov) < np.diag(larger.noise_cov)))

@@ -7,7 +7,7 @@ import warnings
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.fitting import kinks
+from modfun.fitting import finer
 
 LINEAR = mf.Equation("T' = g*Q - a*T", outputs="T", inputs="Q")
 STATE = mf.StateSpace([["-a"]], ["g"], [[1]], states=["T"], inputs=["Q"], outputs=["T"])
@@ -78,21 +78,20 @@ def test_a_finer_grid_adds_no_information(structure: mf.Equation, bend: float) -
         assert np.all(rms(structure, [rec.resample(1.0) for rec in records]) < 2.5)
 
 
-def test_sums_are_set_right_on_as_many_lines_as_time_allows(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 6,000 samples, as many as lines to a third of them, a fit took 9 times as long as without them."""
-    tops = list[int]()
+@pytest.mark.statistics
+def test_many_samples_are_set_right_as_few_are() -> None:
+    """They were up to 4 standard errors off, in silence. One of 6 passes 3 once in 60 tests."""
+    fits = [mf.fit(tank(seed, 5.0, 10, TRUTH["s"], 9000), COOLED) for seed in range(2)]
+    z = [(fit[name] - TRUTH[name]) / fit.bse[k] for fit in fits for k, name in enumerate(fit.param_names)]
+    assert np.max(np.abs(z)) < 3.0
 
-    class Sums(kinks.UnevenSums):
-        def __init__(self, rec: mf.Record, seen: int, top: int, rule: str) -> None:
-            tops.append(top - seen)
-            super().__init__(rec, seen, top, rule)
 
-    monkeypatch.setattr(kinks, "UnevenSums", Sums)
-    rec = tank(0, 5.0, 10, TRUTH["s"], 300)
-    last = mf.fit(rec, COOLED).lines[0][1]
-    monkeypatch.setattr(kinks, "WIDE", 299 // 3 * 300 - 1)
-    corrected = mf.fit(rec, COOLED)
-    assert tops == [299 // 3 - last, 0]
-    monkeypatch.setattr(kinks, "LARGE", last * 300 - 1)
-    assert not np.array_equal(mf.fit(rec, COOLED).params, corrected.params)
-    assert len(tops) == 2
+def test_sums_at_uneven_times_are_those_of_each_line() -> None:
+    rng = np.random.default_rng(0)
+    t = np.sort(rng.uniform(0, 3, 400))
+    t -= t[0]
+    lines, values = np.arange(60), rng.standard_normal((2, t.size))
+    turns, fast = np.exp(-2j * np.pi / t[-1] * np.outer(t, lines)), finer._Turns(t, 59)
+    np.testing.assert_allclose(fast.sums(values), values @ turns, rtol=0, atol=1e-9)
+    weights = rng.standard_normal(60) + 1j * rng.standard_normal(60)
+    np.testing.assert_allclose(fast.adjoint(weights), (turns.conj() @ weights).real, rtol=0, atol=1e-9)

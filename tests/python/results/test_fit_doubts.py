@@ -5,7 +5,7 @@ import warnings
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.results import misfit
+from modfun.results import check, misfit
 from modfun.results.diagnosis import diagnose
 from scipy.signal import butter, filtfilt, lfilter
 
@@ -179,3 +179,21 @@ def test_a_channel_that_stands_in_each_record_is_no_large_offset():
     fit = mf.fit(records, mf.Equation("y'' + a1*y' + a2*y = b0*V*u", inputs=["u", "V"]))
     assert np.all(np.abs(fit.params - [3, 8, 5]) < 4 * fit.bse)  # 1 in 5,000 pairs of records fails
     assert "Write the equation for deviations" not in str(fit.check())
+
+
+def test_a_look_that_fails_loses_no_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SymPy compared a complex number in one of a hundred terms that were tried, and the fit was lost."""
+
+    def broken(fit: mf.Fit) -> None:
+        raise TypeError("Invalid comparison of non-real 1.0 + 2.0*I")
+
+    monkeypatch.setattr(check, "LOOKS", (broken, *check.LOOKS))
+    rec = mf.simulate(
+        mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=20.0, intervals=512, nsr=0.1, seed=1
+    )
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    np.testing.assert_allclose(fit.params, [3, 8, 5], rtol=0.1)
+    assert list(fit.check()) == [
+        "A part of this check, broken, failed (TypeError: Invalid comparison of non-real 1.0 + 2.0*I): "
+        "please report it."
+    ]

@@ -258,7 +258,10 @@ def _solves(solution: dict[Any, Any], equations: list[Any]) -> bool:
     """Whether the equations hold with a solution, at some values of what it depends on."""
     free = sorted(set().union(*(e.free_symbols for e in equations)) - set(solution), key=str)
     values = {s: sympy.Float(0.3 + 0.1 * math.sqrt(k + 2)) for k, s in enumerate(free)}
-    numbers = {name: sympy.N(value.subs(values)) for name, value in solution.items()}
+    try:
+        numbers = {name: sympy.N(value.subs(values)) for name, value in solution.items()}
+    except TypeError:  # a case of it, x < 0, compares a complex number
+        return False
     left = [sympy.N(e.subs(values).subs(numbers)) for e in equations]
     return all(e.is_number and abs(complex(e)) < ROUNDING for e in left)
 
