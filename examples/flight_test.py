@@ -87,13 +87,7 @@ def read_flight(path: str | Path) -> list[mf.Record]:
         keep={"event": "EVENT"},
         missing="mask",
         intersample="smooth",  # measured motions of surface and stick
-    )
-    flight = flight.assign(
-        alpha=np.deg2rad(flight["alpha"]),
-        q=np.deg2rad(flight["q"]),
-        de=np.deg2rad(flight["de"]),
-        units={"alpha": "rad", "q": "rad/s", "de": "rad"},
-    )
+    ).convert(alpha="rad", q="rad/s", de="rad")
     print(flight)
     print(flight.check())
     return flight.split(on="event")

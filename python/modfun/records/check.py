@@ -433,18 +433,12 @@ def _outliers(record: Samples, name: str) -> Iterator[str]:
 
 
 def _trend(record: Samples, name: str) -> Iterator[str]:
-    values = record[name]
-    spread, mean = float(values.std()), float(values.mean())
     slope, explained = _slope(record, name)
-    if explained > 0.5 and not any(_slope(record, u)[1] > 0.5 * explained for u in record.inputs):
+    driven = record.inputs and not any(_slope(record, u)[1] > 0.5 * explained for u in record.inputs)
+    if explained > 0.5 and driven:  # free motion decays
         yield (
             f"Output {name!r} drifts by {slope:.4g} over the record, {100 * explained:.0f} % of its "
             "variance; if the sensor drifts, fit with trend='linear'; if the system integrates, leave it."
-        )
-    if abs(mean) > 3 * spread:
-        yield (
-            f"Output {name!r} has an offset: mean {mean:.4g}, rms about it {spread:.4g}; keep "
-            f"trend='constant', the default of transfer functions; equations need it said."
         )
 
 

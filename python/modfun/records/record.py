@@ -229,7 +229,7 @@ class Record(Samples):
             "mask": good,
             "sigma": sigma_of(sigma, good, times, ys.shape, axis),
             "source": None,
-            "_timed": False,
+            "_timed": dt is not None,
             "_units": {str(name): str(unit) for name, unit in (units or {}).items()},
             "_keep": {name: values[0] for name, values in kept.items()},
             "_seen": {in_names[k]: form for k, form in forms.items()},

@@ -58,7 +58,7 @@ class Samples(Elsewhere):
     _functions: dict[str, Any]  # text or functions of t, by channel; of inputs and kept channels
     _units: dict[str, str]
     _keep: dict[str, F64]
-    _timed: bool  # a source said the unit of the times
+    _timed: bool  # a source said the unit of the times, or the step was given
     _lost: Mask | None  # rows that the times lacked
     _seen: dict[str, str]  # what samples look like that decided on intersample, by input
 

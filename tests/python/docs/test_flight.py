@@ -191,10 +191,6 @@ def gap(run):
 TWO = {"poles": 2, "zeros": 1}
 # What is done wrong, and what modfun says of it.
 TROUBLES = {
-    "trim": (
-        lambda runs, m: runs[0].check(),
-        "keep trend='constant', the default of transfer functions; equations need it said",
-    ),
     "saturated": (
         lambda runs, m: spoiled(runs[0], de=lambda de: np.clip(de, -0.06, -0.015)).check(),
         "may be clipped: # samples sit exactly at its largest value",
