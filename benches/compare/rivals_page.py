@@ -11,7 +11,15 @@ from report import amount
 ENOUGH = 50  # records to be judged by
 BASE = "modfun ml, trend=None"  # who is told as much as the rivals: that there is no offset
 SAME = 0.03  # of an error: less is not told apart
-HEAD = """# modfun beside its rivals
+SUMMED = ("modfun ml", "SciPy output error", "SRIVC, NumPy", "SRIVC, dsmc, late", "pySINDy weak", "SIPPY OE")
+SUMMARY = """# modfun beside its rivals
+
+At 20 % noise, from an initial state that no estimator is told, with default options. How many records failed is
+in brackets, and the rest of the page says of what, with every noise level and {count} estimators.
+
+"""
+HEAD = """
+## How it was measured
 
 Written by `make rivals`; do not edit. Cells may be kept from earlier runs of it (`--keep`).
 Every estimator gets the same records. How fast modfun is
@@ -183,6 +191,24 @@ def _judged(found, levels):
     )
 
 
+def summary(results, times):
+    """The main figures on one screen."""
+    names = list(times)
+    heads = " | ".join([f"median error, {name}" for name in names] + [f"time per fit, {names[0]}"])
+    lines = [f"| | {heads} |", "|---|" + "---:|" * (len(names) + 1)]
+    for who in SUMMED:
+        found = [results.get(f"{who}|{name}|0.2|random") for name in names]
+        if all(found) and who in times[names[0]]:
+            cells = [f"{_cell_of(f)} ({f['failed']} of {len(f['errors'])})" for f in found]
+            lines.append(f"| {who} | {' | '.join(cells)} | {amount(times[names[0]][who])} |")
+    return lines
+
+
+def _cell_of(f):
+    median = _median(f["errors"])
+    return "–" if np.isinf(median) else f"{_percent(median)} %"
+
+
 def comparison(results):
     """The tables of all competitors."""
     lines = [
@@ -248,7 +274,8 @@ def taking_part(absent):
 
 def page(machine, benchmark, results, times, absent):
     """docs/rivals.md."""
-    lines = [HEAD.format(machine=machine, load=os.getloadavg()[0]).rstrip()]
+    shown = [SUMMARY.format(count=len(COMPETITORS) - len(absent)).rstrip(), "", *summary(results, times)]
+    lines = [*shown, HEAD.format(machine=machine, load=os.getloadavg()[0]).rstrip()]
     if benchmark is None:
         lines += ["", "Without the shared data folder the benchmark of Rao and Garnier is left out."]
     else:
