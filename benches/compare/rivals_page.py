@@ -14,8 +14,8 @@ SAME = 0.03  # of an error: less is not told apart
 SUMMED = ("modfun ml", "SciPy output error", "SRIVC, NumPy", "SRIVC, dsmc, late", "pySINDy weak", "SIPPY OE")
 SUMMARY = """# modfun beside its rivals
 
-At 20 % noise, from an initial state that no estimator is told, with default options. How many records failed is
-in brackets, and the rest of the page says of what, with every noise level and {count} estimators.
+At 20 % noise, from an initial state that no estimator is told, with default options. How many records
+failed is in brackets, and the rest of the page says of what, with every noise level and {count} estimators.
 
 """
 HEAD = """
