@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from typing import Any
+from typing import Any, ClassVar
 
 from ..errors import SpecError
 
@@ -34,6 +34,8 @@ class Progress:
         What is counted; with it the rate and the time left are shown.
     """
 
+    open: ClassVar[int] = 0  # of them, inside one another
+
     def __init__(self, asked: str | bool, what: str, unit: str = "") -> None:
         if not isinstance(asked, bool) and asked != "auto":
             raise SpecError(f'{what}: progress={asked!r} must be "auto", True or False')
@@ -48,9 +50,11 @@ class Progress:
         self._plain = not sys.stderr.isatty()
 
     def __enter__(self) -> Progress:
+        Progress.open += 1
         return self
 
     def __exit__(self, *reason: object) -> None:
+        Progress.open -= 1
         if self._bar is not None:
             self._bar.stop()
 

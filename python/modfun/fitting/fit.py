@@ -11,6 +11,7 @@ from typing import Any, Never, Unpack
 from numpy.typing import ArrayLike
 
 from ..base.arguments import public, whole
+from ..base.waiting import Waiting
 from ..equations.layout import layout_of
 from ..equations.written import Written
 from ..errors import DataError, ModfunWarning, SpecError
@@ -401,19 +402,22 @@ def _alike(records: tuple[Record, ...]) -> bool:
 
 def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     """A fit of what users give, with its warnings."""
-    try:
-        if isinstance(data, FrequencyResponse):
-            result: Fit = fit_response(data, structure, options)
-        else:
-            result = fit_as_read(records_of(data), structure, options, fit_whole)
-    except DataError as error:
-        if options.band is None or FEW_LINES not in str(error):
-            raise
-        edge = options.band[1]
-        raise DataError(
-            f"{error}; band= is in rad/s: {edge:.4g} Hz would be {2 * math.pi * edge:.4g} rad/s"
-        ) from None
-    for text in result.remarks():
+    with Waiting("fit: estimating") as waiting:
+        try:
+            if isinstance(data, FrequencyResponse):
+                result: Fit = fit_response(data, structure, options)
+            else:
+                result = fit_as_read(records_of(data), structure, options, fit_whole)
+        except DataError as error:
+            if options.band is None or FEW_LINES not in str(error):
+                raise
+            edge = options.band[1]
+            raise DataError(
+                f"{error}; band= is in rad/s: {edge:.4g} Hz would be {2 * math.pi * edge:.4g} rad/s"
+            ) from None
+        waiting.what = "fit: looking at what the model leaves"
+        remarks = result.remarks()
+    for text in remarks:
         warnings.warn(text, ModfunWarning, stacklevel=4)
     return result
 

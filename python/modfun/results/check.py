@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base.cached import kept
 from ..base.tables import Findings
+from ..base.waiting import Waiting
 from ..errors import ModfunError
 from ..records.steady import QUIET, standing
 from .actuators import limited_input, unlike_command
@@ -357,7 +358,7 @@ def check(fit: Estimates, line: str) -> Findings:
     title = f"Check of {line}"
     if not fit.usable:
         return Findings(title, [_failed(fit)])
-    with np.errstate(all="ignore"):
+    with Waiting("check"), np.errstate(all="ignore"):
         whole = stand_in(fit)
         if held := nothing_free(whole):  # of other numbers residuals tell something else
             return Findings(title, [held.text])

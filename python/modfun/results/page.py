@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..base.waiting import Waiting
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..equations.written import Written
@@ -44,21 +45,22 @@ def page_of(fit: Estimates, content: Content, title: str | None, command: str | 
     """
     said, tone, findings = words.verdict(fit, content.findings)
     made = [*content.data]
-    if fit.usable:
-        made = [
-            section("model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), content.level),
-            *content.explained(),
-            section("bode", "Frequency response", lambda: _bode(fit, content.measured)),
-            *made,
-            section("poles", "Poles", lambda: _poles(fit)),
-            section(
-                "parameters",
-                "Collinearity",
-                lambda: _collinear(fit),
-                lambda: _correlation(fit),
-            ),
-        ]
-    made.append(section("provenance", "Provenance", lambda: _provenance(fit, content, command)))
+    with Waiting("report"):
+        if fit.usable:
+            made = [
+                section("model", "Model", lambda: _formulas(fit), lambda: _estimates(fit), content.level),
+                *content.explained(),
+                section("bode", "Frequency response", lambda: _bode(fit, content.measured)),
+                *made,
+                section("poles", "Poles", lambda: _poles(fit)),
+                section(
+                    "parameters",
+                    "Collinearity",
+                    lambda: _collinear(fit),
+                    lambda: _correlation(fit),
+                ),
+            ]
+        made.append(section("provenance", "Provenance", lambda: _provenance(fit, content, command)))
     told = [(name, text) for name, text in content.facts if name in TOLD]
     return Page(
         title or _title(fit), (*told, ("Report made", provenance.now())), said, tone, findings, tuple(made)
