@@ -33,6 +33,13 @@ def figures_are_closed() -> Iterator[None]:
         pyplot.close("all")
 
 
+@pytest.fixture(autouse=True)
+def failures_of_looks_are_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A look that fails loses no fit of a user, but its test."""
+    if check := sys.modules.get("modfun.results.check"):
+        monkeypatch.setattr(check, "FAILURES", ())
+
+
 def kind_of(module: ModuleType) -> str:
     """Of the tests of a file that say nothing themselves."""
     name = module.__name__.rpartition(".")[2]

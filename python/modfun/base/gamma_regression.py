@@ -33,6 +33,8 @@ def smooth_level(squares: F64, x: F64, freedom: F64 | float, terms: int = TERMS)
     if not mean > 0:
         return np.zeros_like(squares)
     low, high = x.min(), x.max()
+    if not high > low:
+        return np.full_like(squares, mean)
     basis = np.polynomial.chebyshev.chebvander(2 * (x - low) / (high - low) - 1, terms - 1)
     prior = np.diag((np.arange(terms) / SPREAD) ** 2)
     values = squares / mean

@@ -412,7 +412,7 @@ def compare(data: Reading, json_to: Json = None, plot: Picture = None) -> None:
         if data.output and data.input:
             raise
         raise SpecError(
-            f"{error}. Columns were looked for by the names of the fit's channels "
+            f"{str(error).rstrip('.')}. Columns were looked for by the names of the fit's channels "
             f"({', '.join((*first.outputs, *first.inputs))}); where the file has others, repeat --output "
             "NAME=COLUMN, --input NAME=COLUMN and --convert as given to modfun fit"
         ) from error

@@ -19,7 +19,7 @@ from ..models.free import Free, from_plain, to_plain
 from .nonlinear import NonlinearModel, model_of
 from .symbolic.known import Samples
 from .written import (
-    RESERVED,
+    TAKEN,
     Written,
     channel_names,
     outputs_left,
@@ -34,7 +34,6 @@ __all__ = ["Equation"]
 
 Basis = str | Callable[[Any], ArrayLike] | ArrayLike
 _EQUALS = re.compile(r"(?<![<>=])=(?!=)")
-_TAKEN = frozenset(RESERVED) - {"e"}  # as efficiencies are called
 _OUTPUT, _INPUT = re.compile(r"y\d*"), re.compile(r"u\d*")
 
 
@@ -118,7 +117,7 @@ class Equation(Written):
                 if node.is_exponential:
                     one.refuse(node.at, node.end, EULER)
         nodes = [node for one in parsed for node in one.tree.walk() if node.kind == "name"]
-        names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in _TAKEN))
+        names = list(dict.fromkeys(str(node.value) for node in nodes if node.value not in TAKEN))
         coefficients = _varying(varying)
         given = [
             None if signals is None else channel_names("Equation", what, signals)
@@ -137,7 +136,7 @@ class Equation(Written):
         unmeasured = list(given[2] or ())
         for node in nodes:
             name = str(node.value)
-            if node.primes and name not in (*measured, *unmeasured, *coefficients, *_TAKEN):
+            if node.primes and name not in (*measured, *unmeasured, *coefficients, *TAKEN):
                 unmeasured.append(name)
         if outputs is None and not given[0] and not given[2] and len({*unmeasured}) == 1:
             given[0], measured, unmeasured = (unmeasured[0],), (unmeasured[0], *measured), []

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
 
 __all__ = [
-    "RESERVED",
+    "TAKEN",
     "Explanation",
     "Identifiability",
     "Written",
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 
-RESERVED = ("t", *CONSTANTS, *FUNCTIONS)
+TAKEN = frozenset(("t", *CONSTANTS, *FUNCTIONS)) - {"e"}  # as efficiencies and errors are called
 
 
 class Explanation:
@@ -358,10 +358,10 @@ def channel_names(
             raise SpecError(
                 f"{kind}: {what}= has {name!r}, a word of Python, which no signal may be called; take another"
             )
-        if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)) or name in RESERVED:
+        if not (isinstance(name, str) and re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name)) or name in TAKEN:
             raise SpecError(
                 f"{kind}: {what}= has {name!r}, which cannot be a signal's name: take letters, digits and _, "
-                f"and none of {', '.join(RESERVED[:4])} and the functions"
+                f"and none of {', '.join(sorted(TAKEN - FUNCTIONS.keys()))} and the functions"
             )
     if count is not None and len(names) != count:
         raise SpecError(f"{kind}: {what}= has {len(names)} name(s), {count} are needed")

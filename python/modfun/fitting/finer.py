@@ -18,10 +18,8 @@ __all__ = ["BEFORE", "UnevenSums", "finer", "response"]
 BEFORE = np.array([-1.0, 4.0, -6.0, 4.0])  # what a cubic through the last four says of the next
 SIMPSON = np.array([1.0, 4.0, 2.0, 4.0, 1.0]) / 12  # weights of the parts of a cell
 SEEN = 30 / 4  # cells in a period of the highest line that is fitted: errors of Simpson's rule of 1e-5
-SPREAD, SHAPE = (
-    12,
-    2.3 * 12,
-)  # neighbours on the grid of a Fourier transform at uneven times, and their weights
+SPREAD = 12  # neighbours on the grid of a Fourier transform at uneven times,
+SHAPE = 2.3 * SPREAD  # and how their weights fall off
 CLOSE, MOST = 1e-5, 100  # relative error of samples with given sums, and steps that find them
 
 

@@ -93,8 +93,8 @@ def _settled(
                 less = [excess(now, k, rec) for k, rec in enumerate(records)] if whole else ()
                 known = {"levels": _levels(now, records), "starts": np.asarray(now.params).tolist()}
                 after = refit(smooth or records, now.structure, options, less=less, **known)
-        except (ModfunError, np.linalg.LinAlgError):  # a response that leaves the range of numbers
-            return None
+        except (ModfunError, ArithmeticError, TypeError, ValueError, np.linalg.LinAlgError):
+            return None  # a response that leaves the range of numbers, or a formula without a value there
         if not after.success:
             return None
         error = np.sqrt(np.diag(after.cov_nonrobust))

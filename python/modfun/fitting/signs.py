@@ -65,7 +65,8 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     from ..equations.symbolic.twins import twins
 
     others = [x for x in twins(fit.layout.compiled, fit.params) if np.sum(x[free] < 0) < below]
-    for other in sorted(others, key=lambda x: (np.sum(x[free] < 0), np.linalg.norm(x / fit.params)))[:1]:
+    size = np.where(fit.params == 0, 1.0, fit.params)
+    for other in sorted(others, key=lambda x: (np.sum(x[free] < 0), np.linalg.norm(x / size)))[:1]:
         turned = free & (fit.params < 0) & (other > 0)
         within = tuple(
             (0.0 if is_turned else low, high)

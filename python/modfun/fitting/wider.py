@@ -8,6 +8,7 @@ from math import pi
 
 import numpy as np
 
+from ..errors import ModfunError
 from ..records.record import Record
 from ..results.band_end import gains, meets_end
 from ..results.cures import on_band
@@ -17,10 +18,8 @@ from ..results.of_equations import EquationFit
 __all__ = ["ENOUGH", "LOOKED", "NEARLY", "equations_on_enough_lines", "equations_on_more_lines", "wider_edge"]
 
 ENOUGH = 8  # degrees of freedom: with 2, standard errors scatter tenfold, and intervals of 95 % cover 88 %
-LOOKED, NEARLY = (
-    128,
-    0.9,
-)  # lines that the core's rule for equations looks at, and the part that ends near them
+LOOKED = 128  # lines that the core's rule for equations looks at,
+NEARLY = 0.9  # and the part of them from which on a band ends near the last
 SLOWEST = 6  # samples per period of the highest line that is added for them; the core's rule looks further
 
 
@@ -72,8 +71,16 @@ def equations_on_more_lines(fit: EquationFit, refit: Callable[..., EquationFit])
             on_band(found, (found.band[0], edge)),
             None if found.at_bound else found.params.tolist(),
         )
-        wider = refit(records, fit.structure, options, fit.again, starts=starts)
+        try:
+            wider = refit(records, fit.structure, options, fit.again, starts=starts)
+        except ModfunError:  # as of samples that leave too few lines
+            break
         if not gains(found, wider):
             break
         found = wider
-    return replace(found, options=fit.options, again=fit.again, band_rule=rule | {"asked": 1.0})
+    return replace(
+        found,
+        options=fit.options,
+        again=fit.again,
+        band_rule=rule | {"asked": 1.0} | ({} if found is fit else {"doubled": 1.0}),
+    )

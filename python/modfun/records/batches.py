@@ -160,7 +160,7 @@ class Batch:
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _restore_batch, (
-            self.y, self.u, self.dt, self.sigma, self.outputs, self.inputs, self._told
+            self.y, self.u, self.dt, self.outputs, self.inputs, self._told, self.sigma
         )  # fmt: skip
 
     @property
@@ -194,7 +194,7 @@ class Batch:
         if not words:
             return self
         kinds = [words.get(name, own) for name, own in zip(self.inputs, self.intersample, strict=True)]
-        return _restore_batch(self.y, self.u, self.dt, self.sigma, self.outputs, self.inputs, kinds)
+        return _restore_batch(self.y, self.u, self.dt, self.outputs, self.inputs, kinds, self.sigma)
 
     def __repr__(self) -> str:
         replicates, channels, count = self.y.shape
@@ -223,7 +223,8 @@ def _levels(given: ArrayLike | None, shape: tuple[int, ...]) -> F64 | None:
     if given is None:
         return None
     read = floats(given, "sigma")
-    each = read if read.ndim == 3 else read[None]
+    alone = shape[1] == 1 and read.shape == (shape[0], shape[2])  # (replicate, time), as y of one output
+    each = read[:, None] if alone else read if read.ndim == 3 else read[None]
     if len(each) not in (1, shape[0]):
         raise DataError(
             f"Batch: sigma has shape {read.shape} and y {shape}; sigma must be (replicate, channel, time), "
@@ -234,7 +235,7 @@ def _levels(given: ArrayLike | None, shape: tuple[int, ...]) -> F64 | None:
 
 
 def _restore_batch(
-    y: F64, u: F64, dt: float, sigma: F64 | None, outputs: Names, inputs: Names, words: Sequence[str]
+    y: F64, u: F64, dt: float, outputs: Names, inputs: Names, words: Sequence[str], sigma: F64 | None = None
 ) -> Batch:
     given = u if u.shape[1] else None
     return Batch(y, given, dt, sigma=sigma, outputs=outputs, inputs=inputs, intersample=words)

@@ -67,7 +67,7 @@ def _mode(fit: Estimates) -> Doubt | None:
 
 def _wider(fit: Estimates) -> Doubt | None:
     """That errors fall in a band twice as wide, by the fit on it."""
-    if fit.again is None or fit.records is None or not fit.params.size:
+    if fit.again is None or fit.records is None or not fit.params.size or fit.at_bound:
         return None
     edge = float(f"{2 * fit.band[1]:.3g}")
     other = again(fit, fit.records, fit.structure, fit.options.replace(band=(fit.band[0], edge)))

@@ -113,10 +113,8 @@ def _moved(fit: Estimates, cure: Realigned) -> str:
     name, was, _, _ = furthest(fit, cure.fit)
     at = fit.param_names.index(name)
     slope = (cure.fit.params[at] - fit.params[at]) / cure.by
-    value, error = (
-        fit.params[at] + slope * cure.shift.late,
-        hypot(cure.fit.spread[at], slope * cure.shift.error),
-    )
+    value = fit.params[at] + slope * cure.shift.late
+    error = hypot(cure.fit.spread[at], slope * cure.shift.error)
     return f" {name} is {was} so, and {value:.4g} ± {error:.2g} with {cure.late} at its time."
 
 
@@ -125,7 +123,7 @@ def _with_state(fit: Estimates, cure: Cure) -> str:
     if not cure.late or cure.fit is None:
         return ""
     name, was, now, _ = furthest(fit, cure.fit)
-    return f" {name} is {was} so, and {now} with that as a state."
+    return f" {name} is {was} so, and {now} with its sensor as a state."
 
 
 def _as_state(fit: Estimates, cure: Realigned) -> Cure | None:

@@ -281,7 +281,7 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
             start, _, _ = text.partition(chance)
             fall = cure.before - cure.after
             text = (
-                f"{start}{chance}), and another linear structure explains them, too. First try "
+                f"{start}{chance}). A linear structure explains them, too. First try "
                 f"{cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
             )
         if one.what in LIKE_GUSTS and level_p(fit) < SURE and like_gusts(fit, cure):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..base.cached import kept
 from .cures import CLOSE, ENOUGH, Cure, again, on_band
 from .diagnosis import diagnose, poles_of
 from .doubts import SURE
@@ -69,10 +70,16 @@ def like_gusts(fit: Estimates, cure: Cure | None = None) -> bool:
         return False
     if cure is None or cure.fit is None:
         return True
-    options = on_band(fit, wide_band(fit))
-    driven = again(fit, fit.records, fit.structure, options.replace(noise="process", method="ml"))
-    other = again(fit, fit.records, cure.fit.structure, options)
+    driven = _driven(fit)
+    other = again(fit, fit.records, cure.fit.structure, on_band(fit, wide_band(fit)))
     return driven is None or other is None or not other.bic < driven.bic - UNSPOKEN
+
+
+@kept
+def _driven(fit: Estimates) -> Estimates | None:
+    """The fit on a wide band in noise that drives the system."""
+    options = on_band(fit, wide_band(fit)).replace(noise="process", method="ml")
+    return again(fit, fit.records, fit.structure, options)
 
 
 def _cures(fit: Estimates, output: int, channels: Sequence[str | None]) -> list[Cure]:

@@ -157,13 +157,13 @@ class _Lines(NamedTuple):
 def either(fit: Estimates) -> str:
     """What to do where noise of the sensors and of the system look alike, by what the safe choice costs."""
     price = _price_of_process(fit)
-    if price is None:
-        return ""
-    least, mean = price
     text = (
         f"{position(fit)} Noise that drives the system, such as turbulence, looks like this, too, and one "
         "record does not tell it from slow noise of the sensors."
     )
+    if price is None:
+        return f'{text} Where turbulence or a load is known to act, first take noise="process".'
+    least, mean = price
     if least > COSTLY:
         return (
             f'{text} First keep this fit, whose errors allow for slow noise of the sensors: noise="process" '

@@ -35,12 +35,11 @@ def slow_noise(fit: Estimates, warnings_of: Warned) -> Doubt | None:
     they make errors far smaller. `warnings_of`: what a fit is warned of.
     """
     layout: Any = fit.layout
-    # Terms that equations may lack are tried first where a regression says which are worth it.
-    plain = fit.options.noise == "output" and (
-        layout.rational or (layout.compiled.is_linear and not worth(fit))
-    )
+    plain = fit.options.noise == "output" and (layout.rational or layout.compiled.is_linear)
     if not plain or fit.again is None or not fit.records or not suspicious(fit) or not refuted(fit):
         return None
+    if not layout.rational and worth(fit):
+        return None  # terms that it may lack are tried first where a regression says which are worth it
     d = diagnose(fit, UNLIKELY)
     if (
         noise_free(fit)

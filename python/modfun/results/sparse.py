@@ -68,8 +68,8 @@ def _unsettled(fit: Estimates) -> Doubt | None:
         return None
     step = max(float(rec.dt or 0.0) for rec in fit.records or ())
     return Doubt(
-        f"The signals move between samples, which are {step:.3g} s apart, so that sums over them err, and "
-        f"rounds by the fit's own response between them did not settle. {CURE}"
+        f"Sums over the samples err, since the signals move between them: they are {step:.3g} s apart. The "
+        f"correction by the fit's own response did not settle. {CURE}"
     )
 
 

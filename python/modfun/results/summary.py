@@ -196,6 +196,7 @@ def _band(fit: Estimates) -> str:
         return (
             f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "
             f"{rule['k_max']:.0f}; started there and from the fit up to line {rule['k_0']:.0f}"
+            f"{'; then doubled as long as errors fell' if 'doubled' in rule else ''}"
             f"{end_in_words(fit)}{'; widened for the noise level' if 'widened' in rule else ''}"
             f"{_why_narrowed(fit) if 'narrowed' in rule else ''}"
         )

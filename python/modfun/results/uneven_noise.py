@@ -408,9 +408,13 @@ def _weights(fit: Estimates, found: Uneven) -> str:
     if found.readings is None or len(fit.outputs) > 1:
         return "Record(sigma=...) weights the samples by it, too."
     size = np.concatenate([own[0] for own in found.readings])
-    slope, floor = np.polyfit(size, _level_of(found), 1)
+    level = _level_of(found)
+    slope, floor = np.polyfit(size, level, 1)
+    if not slope > 0:
+        return "Record(sigma=...) weights the samples by it, too."
+    floor = max(floor, level.min())  # a reading may be 0
     rec = "rec" if len(found.new) == 1 else "each record"
     return (
-        f"to weight the samples by it, too, fit {rec}.weigh(sigma={max(floor, 0.0):.3g} + {slope:.3g}*"
+        f"to weight the samples by it, too, fit {rec}.weigh(sigma={floor:.3g} + {slope:.3g}*"
         "np.abs(fit.predict(rec).y))."
     )

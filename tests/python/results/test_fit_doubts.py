@@ -188,6 +188,7 @@ def test_a_look_that_fails_loses_no_fit(monkeypatch: pytest.MonkeyPatch) -> None
         raise TypeError("Invalid comparison of non-real 1.0 + 2.0*I")
 
     monkeypatch.setattr(check, "LOOKS", (broken, *check.LOOKS))
+    monkeypatch.setattr(check, "FAILURES", (Exception,))
     rec = mf.simulate(
         mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=20.0, intervals=512, nsr=0.1, seed=1
     )

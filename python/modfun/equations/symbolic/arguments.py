@@ -32,7 +32,7 @@ def multiplied(compiled: Compiled) -> list[tuple[int, list[tuple[sympy.Expr, boo
         if any(p in t.xreplace(held).free_symbols for t in terms):
             continue
         slopes = [
-            (sympy.diff(_argument(one), p), isinstance(one, STEEP))
+            (sympy.diff(_argument(one), p), isinstance(one, STEEP) and not isinstance(one, sympy.Pow))
             for one in held
             if isinstance(one, sympy.Pow) or len(one.args) == 1
         ]
