@@ -306,10 +306,13 @@ def test_a_failed_fit_is_exit_code_1(tmp_path, capsys):
 
 
 def test_check_shows_columns_and_findings(table, capsys):
+    lines = table.read_text().splitlines()
+    lines[101] = ",".join([lines[101].split(",")[0], "1e3", lines[101].split(",")[2]])
+    table.write_text("\n".join(lines))
     assert main(["check", str(table), "--output", "q", "--input", "de", "--json", "-"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
     assert found["columns"]["column"] == ["t_s", "q", "de"]
-    assert any("offset" in text for text in found["findings"])
+    assert any("Output 'q' has one outlying sample" in text for text in found["findings"])
     assert main(["check", str(table)]) == 0
     out = capsys.readouterr().out
     assert "de" in out
