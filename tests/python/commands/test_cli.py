@@ -312,7 +312,7 @@ def test_check_shows_columns_and_findings(table, capsys):
     assert main(["check", str(table), "--output", "q", "--input", "de", "--json", "-"]) == 0
     (found,) = json.loads(capsys.readouterr().out)
     assert found["columns"]["column"] == ["t_s", "q", "de"]
-    assert any("Output 'q' has one outlying sample" in text for text in found["findings"])
+    assert any("Output 'q' has 1 outlying sample" in text for text in found["findings"])
     assert main(["check", str(table)]) == 0
     out = capsys.readouterr().out
     assert "de" in out
