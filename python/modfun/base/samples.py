@@ -276,8 +276,8 @@ def times_of(
             )
         raise DataError(
             f"Record: time does not increase at index {bad + 1}: t = {times[bad]:.10g}, then "
-            f"{times[bad + 1]:.10g}; sort the samples, drop repeated ones, or give dt= if the clock is at "
-            "fault"
+            f"{times[bad + 1]:.10g}; sort the samples, merge rows of one time (pandas: "
+            "frame.groupby('t').first()), drop repeated ones, or give dt= if the clock is at fault"
         )
     if not 1e-150 < float(np.max(steps)) < 1e150:
         raise SpecError("Record: the steps of t are out of range; give time in another unit")

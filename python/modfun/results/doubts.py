@@ -226,10 +226,10 @@ def unstable(fit: Estimates) -> Doubt | None:
         return None
     if fit.layout.rational and all(map(surely_stable, fit.layout.denominators(fit.params))):
         return None
-    growing = growth(fit)
-    if growing <= 0:
+    growing, longest = growth(fit), 2 * math.pi / min(fit.omega0)
+    slow = not fit.layout.rational and growing * longest < math.log(2)  # such as the spiral of an aircraft
+    if growing <= 0 or slow:
         return None
-    longest = 2 * math.pi / min(fit.omega0)
     doubtful = fit.layout.rational and growing * longest > VISIBLE and growing < CERTAIN * _growth_error(fit)
     cure = f"try another number of poles, select_order{_stable_words(fit)}"
     if not fit.layout.rational:
