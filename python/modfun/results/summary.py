@@ -44,7 +44,7 @@ def one_line(fit: Estimates, doubts: int = 0) -> str:
         f"{name}={value:.5g}{stuck.get(name, f'±{error:.2g}')}"
         for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
     )
-    said = f", {doubts} doubt{'s' if doubts > 1 else ''}" if doubts else ""
+    said = f", {doubts} doubt{'s' if doubts > 1 else ''} in check()" if doubts else ""
     return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}{said}: {numbers})"
 
 

@@ -44,7 +44,7 @@ def test_doubtful_inputs_are_said_by_the_fit():
     fit, said = warned(rec)
     assert not said
     assert "Input 'u' is assumed smooth" in str(fit.check())
-    assert "1 doubt" in repr(fit)
+    assert "1 doubt in check()" in repr(fit)
     assert "Input" not in str(mf.fit(REC, MODEL).check())  # declared
 
 
