@@ -46,7 +46,7 @@ ABSURD = 1000.0  # times the largest sample of a channel: no sensor is that far 
 
 def offset(fit: Estimates) -> Doubt | None:
     """That a channel of an equation is far from zero for how little it moves."""
-    if fit.has_poles:
+    if fit.has_poles or fit.structure.linear:
         return None  # of linear models the core takes offsets out before its sums
     for record in fit.records or ():
         for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
