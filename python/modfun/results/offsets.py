@@ -152,8 +152,11 @@ def _better(fit: Estimates) -> str:
 
 
 def _settled(fit: Estimates) -> str:
-    """That a constant in equations leaves only the noise of residuals far above it, or a quarter of them."""
-    if not level_p(fit) < SURE or (other := with_constant(fit)) is None:
+    """That a constant in equations leaves only the noise of residuals far above it, or a quarter of them.
+
+    Products that an elimination left are the likelier cause: a constant takes part of what noise does there.
+    """
+    if not level_p(fit) < SURE or amplified(fit) or (other := with_constant(fit)) is None:
         return ""
     before, after = bic_beside(fit, fit), bic_beside(other, fit)
     left = [np.sqrt(np.diag(own.noise_cov)) for own in (fit, other)]
