@@ -207,11 +207,7 @@ class StateSpace(Written):
         from .symbolic.linear import numbers
 
         given = dict(zip(names, values.tolist(), strict=True))
-        if lost := [
-            p
-            for p in self.all_parameters
-            if p not in names and isinstance(dict(self.params).get(p), Free | None)
-        ]:
+        if lost := self._lost:
             raise SpecError(
                 f"StateSpace.model: {', '.join(lost)} cannot be found from {', '.join(self.outputs)}, and so "
                 "have no numbers; hold them, params={...}"
@@ -219,6 +215,12 @@ class StateSpace(Written):
         parts = [numbers(matrix, self.params, given) for matrix in (self.A, self.B, self.C, self.D)]
         made = ss(*parts, delay=self._delays(given))
         return replace(made, inputs=self.inputs, outputs=self.outputs)
+
+    @property
+    def _lost(self) -> list[str]:
+        """Parameters that the outputs do not tell, without which there is no system with numbers."""
+        names, params = self.param_names(), dict(self.params)
+        return [p for p in self.all_parameters if p not in names and isinstance(params.get(p), Free | None)]
 
     @property
     def _drives(self) -> tuple[str, ...]:

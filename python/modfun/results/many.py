@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.cached import cached_property
 from ..base.elsewhere import FITS, Elsewhere
+from ..base.named import Named
 from ..base.names import nearest
 from ..base.optional import optional
 from ..base.student import confidence, root, student_interval
@@ -23,9 +24,14 @@ from ..errors import ModfunError, SpecError
 from ..models.options import Options
 from .estimates import Estimates
 from .fit import Fit
+from .prediction import unexplained
 from .process_noise import level_names, levels_of, of_many
 
 __all__ = ["FitMany"]
+
+# Standard errors. Fits of the same lines agree to 1e-6 of one; what single fits do beside is for larger ones.
+APART = 3.0
+TINY = float(np.finfo(float).tiny)
 
 
 @public
@@ -66,7 +72,8 @@ class FitMany(Elsewhere):
         What each of them is of, such as "measurement of y" and "process of y".
     doubts : tuple of str
         What single fits of the first, the middle and the last record warn of, such as an input that is
-        missing: looked for when first asked, printed with the table.
+        missing, and where their estimates are more than three standard errors from those here and closer to
+        the samples: looked for when first asked, printed with the table.
     notes : tuple of str
         How inputs that nobody declared are read where their samples leave it open, and how many fits ended
         in a FitError, with the text of the first; in sentences.
@@ -124,18 +131,27 @@ class FitMany(Elsewhere):
         if self.alone is None or good.size == 0:
             return ()
         few = _few(good.tolist())
+        apart: dict[int, str] = {}
         said: dict[int, str] = {}
         for r in few:
             try:
-                remarks = self.alone(r).remarks()
+                fit = self.alone(r)
+                remarks = fit.remarks()
             except ModfunError:  # what a single fit refuses, such as an input that hardly moves
                 continue
+            if text := _apart(self.params[r], fit):
+                apart[r] = text
             if remarks:
                 said[r] = remarks[0].removeprefix("fit: ")
-        if not said:
-            return ()
-        r, text = next(iter(said.items()))
-        return (f"{len(said)} of {len(few)} records that were fitted alone raise doubts; record {r}: {text}",)
+        doubts = {"have other estimates than among many": apart, "raise doubts": said}
+        return tuple(
+            [
+                f"{len(found)} of {len(few)} records that were fitted alone {what}; record "
+                + "{}: {}".format(*next(iter(found.items())))
+                for what, found in doubts.items()
+                if found
+            ]
+        )
 
     @property
     def bse(self) -> F64:
@@ -315,6 +331,34 @@ class FitMany(Elsewhere):
 def _few(records: Sequence[int]) -> list[int]:
     """The first, the middle and the last of these."""
     return sorted({records[0], records[len(records) // 2], records[-1]})
+
+
+def _apart(params: F64, fit: Fit) -> str | None:
+    """Where estimates of a record among many are far from those of its own fit, and suit it less.
+
+    Of two minima that are as likely either search may find one: the response tells which is the better.
+    """
+    error = fit.bse
+    told = np.isfinite(error) & (error > 0) & fit.success
+    steps = np.abs(params - fit.params) / np.where(told, error, np.inf)
+    k = int(np.argmax(steps))
+    if fit.records is None or not steps[k] > APART:
+        return None
+    own, here = _left(fit), _left(replace(fit, params=Named(params, fit.param_names)))
+    if not here > own:
+        return None
+    return (
+        f"{fit.param_names[k]} = {fit.params[k]:.4g} ± {error[k]:.2g} instead of {params[k]:.4g}, and the "
+        f"response leaves {100 * own:.3g} % of the outputs instead of {100 * here:.3g} %; fit each record by "
+        "itself, mf.fit(data[k], model)"
+    )
+
+
+def _left(fit: Fit) -> float:
+    """What its response leaves of the outputs of its record, over their standard deviation (rms)."""
+    rec: Any = fit.records
+    left = unexplained(fit, rec[0]) / np.maximum(rec[0].y.std(axis=1, keepdims=True), TINY)
+    return float(np.sqrt(np.mean(left**2)))
 
 
 def _of_fit(fit: Fit) -> tuple[F64, F64] | None:

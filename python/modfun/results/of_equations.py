@@ -224,8 +224,8 @@ class EquationFit(Fit):
 
     @property
     def has_poles(self) -> bool:
-        """Whether the model is linear, as that of a `StateSpace` is."""
-        return bool(self.structure.linear)
+        """Whether there is a linear model, as of a `StateSpace` all of whose parameters have numbers."""
+        return bool(self.structure.linear and not self.structure._lost)
 
     @property
     def row_names(self) -> tuple[str, ...]:
@@ -270,7 +270,7 @@ class EquationFit(Fit):
         return value, np.reshape(slopes, (self.params.size, len(value))).T
 
     def _need_linear(self, what: str) -> None:
-        if not self.has_poles:
+        if not self.structure.linear:
             raise SpecError(
                 f"a fit of an Equation, linear or not, is not asked for its {what}; fit a TransferFunction "
                 "or a StateSpace, or see what it does by fit.model.simulate(...) and fit.predict()"

@@ -46,7 +46,7 @@ ABSURD = 1000.0  # times the largest sample of a channel: no sensor is that far 
 
 def offset(fit: Estimates) -> Doubt | None:
     """That a channel of an equation is far from zero for how little it moves."""
-    if fit.has_poles:
+    if fit.has_poles or fit.structure.linear:
         return None  # of linear models the core takes offsets out before its sums
     for record in fit.records or ():
         for name, values in zip((*record.outputs, *record.inputs), (*record.y, *record.u), strict=True):
@@ -152,8 +152,11 @@ def _better(fit: Estimates) -> str:
 
 
 def _settled(fit: Estimates) -> str:
-    """That a constant in equations leaves only the noise of residuals far above it, or a quarter of them."""
-    if not level_p(fit) < SURE or (other := with_constant(fit)) is None:
+    """That a constant in equations leaves only the noise of residuals far above it, or a quarter of them.
+
+    Products that an elimination left are the likelier cause: a constant takes part of what noise does there.
+    """
+    if not level_p(fit) < SURE or amplified(fit) or (other := with_constant(fit)) is None:
         return ""
     before, after = bic_beside(fit, fit), bic_beside(other, fit)
     left = [np.sqrt(np.diag(own.noise_cov)) for own in (fit, other)]

@@ -7,6 +7,8 @@ from typing import Any
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.fitting.kinks import bent
+from modfun.results.initial_state import simulate_equations
 
 TRUTH = {"mu": 0.4, "Ks": 0.5, "Y": 0.5}
 DILUTION = np.repeat([0.1, 0.25, 0.05, 0.3, 0.15, 0.2, 0.35, 0.1], 24)
@@ -69,5 +71,43 @@ def test_signals_faster_than_the_samples() -> None:
 
 def test_samples_too_far_apart_are_named() -> None:
     """Two samples in each step of the input: mu was 0.32, 3 of its errors off, in silence."""
-    with pytest.warns(mf.ModfunWarning, match=r"which are 3 s apart, so that sums over them err"):
+    with pytest.warns(mf.ModfunWarning, match=r"Sums over the samples err, .* they are 3 s apart"):
         mf.fit(chemostat(501, 0.02, 12), CHEMOSTAT)
+
+
+CHAOTIC = mf.Equation(
+    ["x' = -y**2 - z**2 - a*x + a*F", "y' = x*y - b*x*z - y + G", "z' = b*x*y + x*z - z"],
+    outputs=["x", "y", "z"],
+)  # fmt: skip
+
+
+def chaotic(seed: int) -> mf.Record:
+    """Lorenz's atmosphere of 1984."""
+    system = CHAOTIC.model({"a": 0.25, "b": 4.0, "F": 8.0, "G": 1.0})
+    y = system.simulate(dt=0.02, intervals=1500, initial_state=[1.0 + 0.1 * seed, 0.0, 0.5])
+    return mf.Record(
+        y=y + 0.05 * y.std(axis=1, keepdims=True) * np.random.default_rng(seed).normal(size=y.shape),
+        dt=0.02, outputs=["x", "y", "z"],
+    )  # fmt: skip
+
+
+def test_fits_of_chaotic_records_simulate_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Errors that allow for noise that changes took two simulations, four of five parts of the time."""
+    count: list[mf.Record] = []
+
+    def counted(*given: Any) -> Any:
+        count.append(given[1])
+        return simulate_equations(*given)
+
+    monkeypatch.setattr("modfun.results.of_equations.simulate_equations", counted)
+    fit = mf.fit(chaotic(1), CHAOTIC)
+    assert not count
+    assert fit.params == pytest.approx([0.25, 8.0, 4.0, 1.0], rel=0.02)
+
+
+def test_a_response_that_leaves_the_samples_takes_no_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of chaos it is another one, and what its sums err by is not what those of the record do."""
+    fit = mf.fit(chaotic(3), CHAOTIC)
+    assert not bent(fit)
+    monkeypatch.setattr("modfun.fitting.kinks.LOST", 2.0)
+    assert bent(fit)

@@ -409,14 +409,14 @@ class _Writer:
         own = {c.symbol for c in channels if c.own}
         results, sides = sided(results, compiled, {c.symbol for c in channels}, own)
         channels = (*channels, *(Channel(symbol, "side", of) for symbol, of in sides.items()))
+        channels = tuple(sorted(channels, key=lambda c: not c.own))  # batches send the shared ones last
         symbols = [c.symbol for c in channels]
         pairs = [self.common.get(both, sympy.Dummy()) for both in combinations(noise, 2)]
         inputs = [*symbols, *[self.noise[c] for c in noise], *pairs, *parameters]
         slopes, derivatives = [], []
         for at, g in enumerate(self.coefficients):
             for k, parameter in enumerate(parameters):
-                slope = sympy.diff(g, parameter)
-                if slope != 0:
+                if (slope := sympy.diff(g, parameter)) != 0:
                     slopes.append((at, k))
                     derivatives.append(slope)
         late = [self._late(expr) for _, _, expr in self.signals]
