@@ -30,6 +30,7 @@ AGREES = 0.05  # p-value
 ABOUT = 4.0  # standard errors, or samples if more, of a delay either side of its estimate
 OFF = 0.5  # of a channel's range: first samples that far from zero are levels of an operating point
 LEAST_TOLD = 0.2  # of a variance that the past took away
+MOST_LOST = 1.0  # of a variance, that the past may seem to add: 0.1 in one minimum, 4 to 4,000 in two
 
 
 def off_zero(fit: Estimates) -> str:
@@ -72,7 +73,8 @@ def _beside_free(fit: Estimates) -> float:
         return 1.0
     options = on_band(fit, fit.band).replace(initial_state="unknown")
     # Without the past a slow step tells a long delay hardly from a pole: a search far away finds either.
-    other = again(fit, fit.records, _near(fit), options)
+    # From afar a search may end in the twin of the estimates, parameters that no record tells from them.
+    other = again(fit, fit.records, _near(fit), options, near=True)
     if other is None or not other.usable or growth(other) > 0 >= growth(fit):
         return 1.0
     from scipy.special import fdtrc
@@ -80,11 +82,16 @@ def _beside_free(fit: Estimates) -> float:
     # Under one noise, that of the free fit: a false past raises the residuals, which an F test sees.
     ratio = float(np.mean((fit.noise_levels / other.noise_levels) ** 2))
     p_level = float(fdtrc(fit.df_resid, other.df_resid, ratio))
+    # On a bound, or where its search did not end, a fit has the errors of other parameters that are held.
+    if not other.success or set(other.at_bound) - set(fit.at_bound):
+        return p_level
     gap, size = other.params - fit.params, np.sqrt(np.diag(other.cov_nonrobust))
     free = size > 0  # and not on a bound
     gap, size = gap[free], size[free]
     left = (other.cov_nonrobust - fit.cov_nonrobust / max(ratio, 1.0))[np.ix_(free, free)]
     values, vectors = np.linalg.eigh(left / np.outer(size, size))
+    if values[0] < -MOST_LOST:  # a fit that knows less has no smaller errors, but in another minimum
+        return p_level
     told = values > LEAST_TOLD  # of the variances: less is no more than their own scatter
     if not told.any():
         return p_level

@@ -45,7 +45,8 @@ def output_error(
     outputs: each record has a covariance of its residuals, estimated with the parameters, and an initial
     state and trend of its own; damped Gauss–Newton steps from the better of `fit`'s "wls" and "ls", or from a
     given point. Derivatives of linear systems are exact, those of nonlinear equations differences on common
-    steps. Under white noise both are maximum likelihood.
+    steps. Under white noise both are maximum likelihood. Records of an `Equation` may be sampled at uneven
+    times; of all but transfer functions of one output, samples may be masked, for all outputs at once.
 
     Parameters
     ----------

@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arguments import public, reals
 from ..base.arrays import F64
@@ -39,6 +40,7 @@ SETTLED = 1e-8  # a step that promises no more of −log likelihood has arrived:
 STUCK = 1e-3  # the same where no step, however short, is better: 3 % of a standard error
 MOST_DAMPED = 1e8
 PIECES = (4, 16, 64)  # of a record: 10 s of Lorenz's system, nine times the e-folding time, take 16
+TOLD = 0.3  # of a direction of unit length: a parameter that takes part in it
 SHORTEST = 20  # intervals of a piece, which has an initial state of its own
 
 WHAT = "output error"
@@ -105,7 +107,7 @@ class _Point:
 
     x: F64
     cost: float
-    residuals: list[F64]  # of each record, (output, time)
+    residuals: list[F64]  # of each record, (output, time) at the samples that count
     slopes: list[Slopes]
     covariances: list[F64]
 
@@ -113,7 +115,10 @@ class _Point:
 class _Problem:
     """Structure and records, and the unknowns: parameters, then initial state and trend of each record."""
 
-    def __init__(self, model: Any, records: Sequence[Record], free: bool, trend: str | None) -> None:
+    def __init__(
+        self, model: Any, records: Sequence[Record], free: bool, trend: str | None, started: bool = False
+    ) -> None:
+        self.started = started  # from a given point
         self.model, self.free, self.trend = model, free, trend
         first = records[0]
         if isinstance(model, TransferFunction):
@@ -133,10 +138,12 @@ class _Problem:
         refuse_priors(WHAT, model)
         self.low = np.array([bounds[n].min if n in bounds else -np.inf for n in self.names])
         self.high = np.array([bounds[n].max if n in bounds else np.inf for n in self.names])
-        self.floors = [(FLOOR * np.sqrt(np.mean(rec.y**2, axis=1))) ** 2 for rec in self.records]
+        self.kept = [_kept(rec) for rec in self.records]
+        pairs = list(zip(self.records, self.kept, strict=True))
+        self.floors = [(FLOOR * np.sqrt(np.mean(rec.y[:, keep] ** 2, axis=1))) ** 2 for rec, keep in pairs]
         if not all(floor.all() for floor in self.floors):
             raise FitError(f"{WHAT}: an output is zero throughout, its parameters cannot be found")
-        self.drifts = [trend_rows(trend, rec.t.size) for rec in self.records]
+        self.drifts = [_drift(trend, rec) for rec in self.records]
 
     def known(self, theta: F64) -> Known:
         """The structure with these parameters."""
@@ -148,16 +155,19 @@ class _Problem:
     def complete(self, theta: F64) -> F64:
         """Unknowns with the best initial states and trends for these parameters."""
         known, x = self.known(theta), [theta]
-        for rec, drift in zip(self.records, self.drifts, strict=True):
+        for rec, drift, keep in zip(self.records, self.drifts, self.kept, strict=True):
             if isinstance(known, Equations) and self.free:
                 state = find_state(known.model, rec, None)[1].state
-                left = (rec.y - known.slopes(rec, state).y)[:, None]
-                x += [state, np.array([scaled_lstsq(drift.T, one[0]) for one in left]).ravel()]
+                left = (rec.y - known.slopes(rec, state).y)[:, keep]
+                x += [state, np.array([scaled_lstsq(drift[:, keep].T, one) for one in left]).ravel()]
                 continue
             slopes = known.slopes(rec, None)
             columns = self._columns(slopes, drift)[theta.size :]
-            size = np.sqrt(np.mean(rec.y**2, axis=1))[:, None]  # outputs in units of their own
-            target = ((rec.y - slopes.y) / size).ravel()
+            if not len(columns):  # from zero, without a trend
+                continue
+            columns = columns[..., keep]
+            size = np.sqrt(np.mean(rec.y[:, keep] ** 2, axis=1))[:, None]  # outputs in units of their own
+            target = ((rec.y - slopes.y)[:, keep] / size).ravel()
             x.append(scaled_lstsq((columns / size).reshape(len(columns), -1).T, target))
         return np.concatenate(x)
 
@@ -184,13 +194,14 @@ class _Problem:
         try:
             with np.errstate(all="ignore"):
                 known = self.known(x[: len(self.names)])
-                for rec, drift, floor in zip(self.records, self.drifts, self.floors, strict=True):
+                own_words = zip(self.records, self.drifts, self.floors, self.kept, strict=True)
+                for rec, drift, floor, keep in own_words:
                     q = len(rec.y)
                     n = self._states(known) if self.free else 0
                     own = x[place : place + n + q * len(drift)]
                     place += own.size
                     found = known.slopes(rec, own[:n] if self.free else None)
-                    left = rec.y - found.y - own[n:].reshape(q, -1) @ drift
+                    left = (rec.y - found.y - own[n:].reshape(q, -1) @ drift)[:, keep]
                     cov = left @ left.T / left.shape[1] + np.diag(floor)
                     sign, level = np.linalg.slogdet(cov)
                     if not (sign > 0 and np.isfinite(level) and np.isfinite(found.params).all()):
@@ -211,9 +222,9 @@ class _Problem:
     def whitened(self, point: _Point) -> tuple[F64, F64]:
         """Jacobian and residuals of all records, white with unit variance: (row, unknown), (row,)."""
         rows, target, at = [], [], len(self.names)
-        parts = zip(point.residuals, point.slopes, point.covariances, self.drifts, strict=True)
-        for left, slopes, cov, drift in parts:
-            columns = self._columns(slopes, drift)
+        parts = zip(point.residuals, point.slopes, point.covariances, self.drifts, self.kept, strict=True)
+        for left, slopes, cov, drift, keep in parts:
+            columns = self._columns(slopes, drift)[..., keep]
             scale = np.linalg.inv(np.linalg.cholesky(cov))
             own = (scale @ columns).reshape(len(columns), -1).T
             wide = np.zeros((len(own), point.x.size))
@@ -235,10 +246,12 @@ def most_likely(
     maxiter: int,
 ) -> OutputErrorFit:
     """Estimate parameters, covariances of the residuals, and initial states and trends of the records."""
-    _check_records(records)
-    problem = _Problem(model, records, free, trend)
+    _check_records(records, model)
+    problem = _Problem(model, records, free, trend, start is not None)
     unknowns = len(problem.names)
-    if (have := sum(rec.y.size for rec in problem.records)) < 2 * unknowns:
+    if (
+        have := sum(len(rec.y) * int(k.sum()) for rec, k in zip(problem.records, problem.kept, strict=True))
+    ) < 2 * unknowns:
         raise DataError(f"{WHAT}: {have} samples for {unknowns} parameters; give longer records")
     points = _starts(problem, start)
     try:
@@ -251,7 +264,7 @@ def most_likely(
                 parts = [part for rec in problem.records for part in _pieces(rec, pieces)]
                 if min(part.intervals for part in parts) < SHORTEST:
                     break
-                return _found(_Problem(model, parts, free, trend), points, maxiter, pieces)
+                return _found(_Problem(model, parts, free, trend, problem.started), points, maxiter, pieces)
             except (FitError, DataError):  # a piece may have too few samples
                 continue
         raise
@@ -269,7 +282,8 @@ def _found(problem: _Problem, points: Sequence[F64], maxiter: int, pieces: int) 
     unknowns = len(problem.names)
     bse = errors_of(problem.whitened(here)[0])[:unknowns]
     parts = problem.parts(here)
-    simulated = [rec.y - left for rec, left in zip(problem.records, here.residuals, strict=True)]
+    both = zip(here.slopes, parts, problem.drifts, strict=True)
+    simulated = [slopes.y + trend @ drift for slopes, (_, trend), drift in both]
     each = [slice(k, k + pieces) for k in range(0, len(parts), pieces)]
     return OutputErrorFit(
         dict(zip(problem.names, here.x[:unknowns].tolist(), strict=True)),
@@ -321,6 +335,7 @@ def _started(problem: _Problem, points: Sequence[F64]) -> _Point:
 
 
 def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]:
+    start = "give another start" if problem.started else "give a start"
     damping, nit, p = 1e-3, 0, len(problem.names)
     while True:
         jacobian, target = problem.whitened(here)
@@ -338,7 +353,8 @@ def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]
         while True:
             if nit >= maxiter:
                 raise FitError(
-                    f"{WHAT}: not converged after {nit} evaluations; raise maxiter= or give a start"
+                    f"{WHAT}: not converged after {nit} evaluations"
+                    + (_hardly_told(problem, jacobian) or f"; raise maxiter= or {start}")
                 )
             nit += 1
             move = right.T @ (np.where(kept, values, 0) / (values**2 + damping) * seen) / size
@@ -352,7 +368,38 @@ def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]
             if damping > MOST_DAMPED:
                 if promised <= STUCK or _exact(problem, here):
                     return here, nit
-                raise FitError(f"{WHAT}: no step lowers the criterion; give a start")
+                raise FitError(
+                    f"{WHAT}: no step lowers the criterion"
+                    + (_hardly_told(problem, jacobian) or f"; {start}")
+                )
+
+
+def _hardly_told(problem: _Problem, jacobian: F64) -> str:
+    """The parameters of the direction in which the response changes least, where there are several."""
+    size = np.linalg.norm(jacobian, axis=0)
+    right = np.linalg.svd(jacobian / np.where(size > 0, size, 1.0), full_matrices=False)[2]
+    share = np.abs(right[-1])
+    names = [name for name, part in zip(problem.names, share, strict=False) if part > TOLD]
+    if len(names) < 2:
+        own = problem.free and np.max(share[len(problem.names) :], initial=0.0) > TOLD
+        known = 'give initial_state="zero" where it is known, or hold parameters'
+        return f"; the records hardly tell the initial state from the rest, {known}" if own else ""
+    return (
+        f"; the records hardly tell {', '.join(names[:-1])} and {names[-1]} apart, hold or bound one of them"
+    )
+
+
+def _drift(trend: str | None, rec: Record) -> F64:
+    """As `trend_rows`, at the times of a record."""
+    if rec.dt is not None:
+        return trend_rows(trend, rec.t.size)
+    rows = trend_rows(trend, 2)
+    return np.array([np.interp(rec.t, rec.t[[0, -1]], row) for row in rows]).reshape(len(rows), rec.t.size)
+
+
+def _kept(rec: Record) -> NDArray[np.bool_]:
+    """The samples that count, (time,)."""
+    return np.ones(rec.t.size, bool) if rec.mask is None else np.asarray(rec.mask[0])
 
 
 def _exact(problem: _Problem, here: _Point) -> bool:
@@ -361,12 +408,16 @@ def _exact(problem: _Problem, here: _Point) -> bool:
     return all(bool(np.all(np.mean(left**2, axis=1) <= 1e4 * floor)) for left, floor in pairs)
 
 
-def _check_records(records: Sequence[Record]) -> None:
+def _check_records(records: Sequence[Record], model: Any) -> None:
     if not records:
         raise SpecError(f"{WHAT}: there is no record; give one, or a list of them")
     for rec in records:
         if not isinstance(rec, Record):
             raise SpecError(f"{WHAT}: got a {type(rec).__name__}; it takes a Record or a list of these")
-        if rec.dt is None:
-            raise DataError(f"{WHAT}: the record is sampled unevenly; resample it")
-        refuse_own_noise(rec, WHAT, "take a piece without them, rec.window(start, stop), or use mf.fit")
+        if rec.dt is None and not isinstance(model, Equation):
+            raise DataError(
+                f"{WHAT}: the record is sampled unevenly; write the model as an mf.Equation, or resample it"
+            )
+        if rec.sigma is not None or (rec.mask is not None and np.any(rec.mask != rec.mask[0])):
+            # Of samples masked in some outputs, the covariance of the residuals is not a plain mean.
+            refuse_own_noise(rec, WHAT, "take a piece without them, rec.window(start, stop), or use mf.fit")

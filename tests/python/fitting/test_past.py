@@ -380,3 +380,24 @@ def test_a_drift_beside_a_start_at_rest_is_none_of_the_gain(noise: float, drift:
 def test_equations_know_no_drift_beside_a_known_start() -> None:
     with pytest.raises(mf.SpecError, match="a drift in equations"):
         mf.fit(duffing(), DUFFING, initial_state="rest", trend="linear")
+
+
+@pytest.mark.parametrize("seed", [100, 106])
+def test_a_free_start_in_another_minimum_contradicts_nothing(seed: int) -> None:
+    """A fit from any start ended on bounds, or had errors of another minimum: p = 2e-5 and 2e-18."""
+    ranges = {"V": (15, 1), "ka": (1, 0.01), "ke": (0.2, 0), "k12": (0.3, 0), "k21": (0.3, 0)}
+    oral = mf.Equation(
+        ["g' = -ka*g + u", "c' = ka*g/V - (ke + k12)*c + k21*p", "p' = k12*c - k21*p"],
+        outputs=["c"], hidden=["g", "p"], params={k: mf.Free(x, min=low) for k, (x, low) in ranges.items()},
+    )  # fmt: skip
+    dose = np.zeros(241)
+    dose[5] = 1000.0  # 100 mg within one sample
+    truth = {"V": 20.0, "ka": 1.2, "ke": 0.25, "k12": 0.4, "k21": 0.3}
+    c = oral.model(truth).simulate(u=dose, dt=0.1, intersample="zoh")
+    c = c + 0.03 * c.std() * np.random.default_rng(seed).standard_normal(c.size)
+    rec = mf.Record(y=c, u=dose, dt=0.1, outputs=["c"], intersample="zoh")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        fit = mf.fit(rec, oral, initial_state="zero")
+    assert contradicted_p(fit) > 0.05
+    assert "does not begin" not in str(fit.check())
