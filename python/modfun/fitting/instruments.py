@@ -32,6 +32,7 @@ FINE = 8  # blocks of an impulse response per period of the highest line
 LONGEST = 120  # blocks
 DECAYS = 14  # decay times tried, from half a block to all blocks
 MOST = 0.9  # leverage of a line
+MUCH = 0.8  # of an input's power in the band: references that explain so much are no reason for no estimate
 SIZES = np.geomspace(1e-4, 1e6, 41)  # of the prior variance, tried
 
 
@@ -57,7 +58,7 @@ def referenced_fit(
     DataError
         Records without the reference, or with uneven steps.
     FitError
-        Rounds that do not settle, because the reference moves the inputs too little.
+        Rounds that do not settle, because noise that comes back moves the inputs too much.
     """
     names = options.reference
     refuse_reference(records, structure, options)
@@ -65,16 +66,58 @@ def referenced_fit(
     direct = fit_once(records, structure, inner)
     if not direct.usable:
         return direct
-    parts = explained(records, names, [hi for _, hi in direct.lines])
+    lasts = [hi for _, hi in direct.lines]
+    parts = explained(records, names, lasts)
     rounds = _Rounds(records, parts, structure, inner, fit_once, direct)
     fit = rounds.settled(direct)
     if fit is None:
-        raise FitError(
-            f"fit: reference={', '.join(names)!r}: the estimate did not settle, since the "
-            "reference explains too little of the inputs; take one that moves them more, or a longer record"
-        )
+        raise FitError(_unsettled(records, structure, options, fit_once, parts, lasts))
     widened = {name: rounds.carried @ getattr(fit, name) @ rounds.carried.T for name in COVARIANCES}
     return replace(fit, options=options, records=records, instrumented=fit.records, again=fit_once, **widened)
+
+
+def _unsettled(
+    records: tuple[Record, ...],
+    structure: Any,
+    options: Options,
+    fit_once: Callable[[tuple[Record, ...], Any, Options], Fit],
+    parts: Sequence[F64],
+    lasts: Sequence[int],
+) -> str:
+    """Why rounds do not settle, by what the references explain, and whether weights of the lines cure it."""
+    found = _shares(records, parts, lasts)
+    shares = [
+        f"{100 * share:.3g} % of {name}"
+        for share, name in zip(found.tolist(), records[0].inputs, strict=True)
+        if name not in options.reference
+    ]
+    told = (
+        f"fit: reference={', '.join(options.reference)!r}: the estimate did not settle, though the reference "
+        f"explains {', '.join(shares)}"
+        if min(found) > MUCH
+        else f"fit: reference={', '.join(options.reference)!r}: the estimate did not settle, since the "
+        f"reference explains too little of the inputs, {', '.join(shares)}"
+    )
+    weighted, either = options.replace(noise="coloured", output_weights=None), ""
+    if options.noise == "output":
+        try:
+            if referenced_fit(records, structure, weighted, fit_once).success:
+                return f'{told}; with weights of the noise spectrum it does: add noise="coloured"'
+        except FitError:
+            either = ', nor with noise="coloured"'
+    return f"{told}{either}; take one that moves them more, a longer record, or fewer poles"
+
+
+def _shares(records: Sequence[Record], parts: Sequence[F64], lasts: Sequence[int]) -> F64:
+    """What references explain of the variance of each input, on the lines up to the last ones of a fit."""
+    rest = whole = np.zeros(len(parts[0]))
+    for rec, own, last in zip(records, parts, lasts, strict=True):
+        u = driving(rec)
+        for_each = [
+            np.sum(np.abs(np.fft.rfft(x[:, :-1])[:, 1 : last + 1]) ** 2, axis=1) for x in (u - own, u)
+        ]
+        rest, whole = rest + for_each[0], whole + for_each[1]
+    return np.asarray(1 - rest / np.maximum(whole, np.finfo(float).tiny)).clip(0.0)
 
 
 def refuse_reference(records: Sequence[Record], structure: Any, options: Options) -> None:

@@ -13,7 +13,7 @@ from ..base.waiting import Waiting
 from ..records.steady import QUIET, standing
 from .actuators import limited_input, unlike_command
 from .band_end import beyond
-from .coloured_load import coloured_load, in_coloured_noise
+from .coloured_load import coloured_load
 from .cures import DRIFT, ENOUGH, again, convincing, furthest
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
@@ -43,6 +43,7 @@ from .doubts import (
     unstable,
 )  # fmt: skip
 from .driven_equations import one_cause
+from .driven_loops import COMMAND, command_of, driven_loop
 from .early_outputs import early_output
 from .estimates import Estimates
 from .feedback import feedback
@@ -85,7 +86,6 @@ from .unseen_events import unseen_event
 __all__ = ["check", "is_quick", "warnings_of"]
 
 
-COMMAND = "r"  # of a loop, as messages name it
 STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
@@ -212,6 +212,8 @@ def fed_back(fit: Estimates) -> Doubt | None:
             f"and the estimates may be those of the latter. {_by_command(fit, u, STANDS)}"
         )
         return Doubt(text, sure=found.p_value < SURE)
+    if not (found.regulates or command_of(fit)) and (driven := driven_loop(fit)):
+        return driven
     return Doubt(
         f"{u} follows earlier residuals of {y} (p = {found.p_value:.1g}): a loop feeds the noise back, which "
         f"biases the estimates by about {found.bias:.2g} standard errors. {_by_command(fit, u)}",
@@ -231,8 +233,7 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
     `otherwise`: what to do where the record keeps no command that helps.
     """
     free = "" if fit.options.initial_state == "unknown" else ', initial_state="unknown"'
-    commands = fit.records[0].kept if fit.records else ()
-    name = COMMAND if COMMAND in commands else commands[0] if len(commands) == 1 else ""
+    name = command_of(fit)
     if not name:
         words = f'Record(keep={{"{COMMAND}": ...}}), and fit with reference="{COMMAND}"{free}'
         if otherwise:
@@ -240,12 +241,16 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
         helps = f"it helps where the command moves {channel} more than noise does"
         return f"First keep the command of the loop in the record, {words}; {helps}."
     options = fit.options.replace(reference=(name,), initial_state="unknown")
-    other = again(fit, fit.records, fit.structure, options) if fit.again is not None else None
     others = tuple([look for look in LOOKS if look is not uncertain_poles])
-    if other is not None and not warnings_of(other, others):
-        weighted = in_coloured_noise(other)  # by slow disturbances a loop's record is bad without that, too
-        pays = weighted and weighted.success and smaller_errors(other, weighted) > LEAST_GAIN
-        colour = ', noise="coloured"' if weighted and pays and not warnings_of(weighted, others) else ""
+    # In slow disturbances a loop's record is bad without weights, too, and the search may not settle.
+    fits = [
+        again(fit, fit.records, fit.structure, own) if fit.again else None
+        for own in (options, options.replace(noise="coloured"))
+    ]
+    plain, in_colour = (one if one and not warnings_of(one, others) else None for one in fits)
+    if plain or in_colour:
+        pays = in_colour and not (plain and smaller_errors(plain, in_colour) <= LEAST_GAIN)
+        colour = ', noise="coloured"' if pays else ""
         return f'First fit with the command of the loop, reference="{name}"{free}{colour}.'
     if otherwise:
         return f'{otherwise}, and fit with reference="{name}"{free}.'
@@ -317,9 +322,9 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
-    misweighted, unlike_command, fed_back, noisy_input, coloured_load, eliminated, not_linear, unexplained,
-    one_cause, flips, other_signs, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering,
-    twin,
+    misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated, not_linear,
+    unexplained, one_cause, flips, other_signs, unsettled, unstable, condition, noise_mode, uncertain_poles,
+    wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.
@@ -398,6 +403,7 @@ def check(fit: Estimates, line: str) -> Findings:
             unlike_command,
             fed_back,
             noisy_input,
+            driven_loop,
             eliminated,
             not_linear,
         )

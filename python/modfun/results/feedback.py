@@ -20,7 +20,7 @@ from .innovations import Innovations, innovations, regressed
 from .line_residuals import line_residuals
 from .misfit import too_large
 
-__all__ = ["Feedback", "feedback"]
+__all__ = ["Feedback", "feedback", "way_back"]
 
 LAGS = 6  # samples after which an input may respond to a residual
 PAST = 12  # of its own samples, from which it is predicted
@@ -82,7 +82,7 @@ def feedback(fit: Estimates) -> Feedback | None:
     below 0.01. Residuals that are not the noise of the high band are coloured noise, or the model is wrong:
     of them innovations are looked at, which no model has made.
     """
-    led = _led(fit)
+    led = _led(fit) if testable(fit) else {}
     if not led:
         return None
     if too_large(level_p(fit)) or noise_free(fit) is not None:
@@ -105,7 +105,7 @@ def _superfluous(fit: Estimates) -> bool:
 
 def _led(fit: Estimates) -> dict[tuple[int, int], F64]:
     """Inputs (record, input) that are not known from their past, with it: what moves them may be noise."""
-    if not testable(fit) or fit.options.reference or max(fit.intervals) > MOST:
+    if fit.options.reference or max(fit.intervals) > MOST:
         return {}
     pairs = product(range(len(fit.pieces)), range(len(fit.inputs)))
     found = {pair: _past(_window(fit, *pair)) for pair in pairs}
@@ -168,16 +168,30 @@ def _biased(
     return Feedback(fit.outputs[i], fit.inputs[j], p, float(most[at]), float(least[at]), back)
 
 
-def _of_innovations(fit: Estimates, led: dict[tuple[int, int], F64]) -> Feedback | None:
-    """The likeliest way back from innovations, if the noise that they make explains the residuals.
+def way_back(fit: Estimates) -> Feedback | None:
+    """The likeliest way back from innovations, of any model and of inputs of any form, if they counter noise.
 
-    Of held inputs and of straight lines: through those that are smooth between samples, later samples tell
-    what the output does now. Nor of those that rest: outputs that were filtered forth and back, or read too
-    early, go before their steps.
+    Inputs that are smooth between samples may tell what comes, too: the answer is no proof of a loop.
     """
-    assert fit.records is not None
-    forms = {(k, j): fit.records[k].intersample[j] for k, j in led}
-    led = {at: past for at, past in led.items() if forms[at] != "smooth" and not _rests(past[-1])}
+    led = _led(fit) if fit.layout.rational else {}
+    followed = _followed(fit, led)
+    if followed is None:
+        return None
+    led, found, made = followed
+    answer = _biased(fit, led, found, [(k, np.zeros((0, 0)), one) for k, one in made.items()])
+    return answer if not answer.regulates and answer.back < 0 else None
+
+
+Followed = tuple[dict[tuple[int, int], F64], Answer, dict[int, Innovations]]
+
+
+def _followed(fit: Estimates, led: dict[tuple[int, int], F64]) -> Followed | None:
+    """Inputs that may follow innovations, the likeliest way back from these, and the innovations.
+
+    Those that rest do not: outputs that were filtered forth and back, or read too early, go before their
+    steps.
+    """
+    led = {at: past for at, past in led.items() if not _rests(past[-1])}
     if not led:
         return None
     made = {k: _innovations(fit, k, PAST) for k in {k for k, _ in led}}
@@ -189,8 +203,21 @@ def _of_innovations(fit: Estimates, led: dict[tuple[int, int], F64]) -> Feedback
     pasts = {(k, j): _past(_window(fit, k, j), _long(fit, k)) for k, j in led}
     known = {pair: past for pair, past in pasts.items() if past is not None}
     found = _likeliest(fit, known, {k: one.e for k, one in longer.items()}, CERTAIN)
-    if found is None:
+    return None if found is None else (led, found, longer)
+
+
+def _of_innovations(fit: Estimates, led: dict[tuple[int, int], F64]) -> Feedback | None:
+    """The likeliest way back from innovations, if the noise that they make explains the residuals.
+
+    Of held inputs and of straight lines: through those that are smooth between samples, later samples tell
+    what the output does now.
+    """
+    assert fit.records is not None
+    led = {(k, j): past for (k, j), past in led.items() if fit.records[k].intersample[j] != "smooth"}
+    followed = _followed(fit, led)
+    if followed is None:
         return None
+    led, found, longer = followed
     answer = _biased(fit, led, found, [(k, np.zeros((0, 0)), one) for k, one in longer.items()])
     i = found[1]
     noise = np.mean([np.mean(_power(fit, k, one)[i]) for k, one in longer.items()])

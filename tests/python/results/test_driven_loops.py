@@ -1,0 +1,93 @@
+"""Loops that counter gusts: what drives the system is named, with a fit that holds."""
+
+from __future__ import annotations
+
+import re
+import warnings
+
+import modfun as mf
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+COUNT, STEP = 3000, 0.02
+TRUTH = np.array([0.35 + 1 / 0.08, 0.35 / 0.08, 18 / 0.08 / 1000])
+
+
+def model() -> mf.TransferFunction:
+    return mf.TransferFunction(poles=3, zeros=0, params={"a3": 0.0})
+
+
+def held_altitude(seed: int, keep: bool = False) -> mf.Record:
+    """Throttle, lag and two integrators under gusts of 0.2 m/s²; a sweep of the command, noise of 0.08 m."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(COUNT) * STEP
+    span, low, high = 50.0, 0.05, 1.0
+    growth = np.log(high / low)
+    turns = low * span / growth * (np.exp(np.clip(t - 5, 0, span) / span * growth) - 1)
+    command = 1.5 * np.sin(2 * np.pi * turns) * ((t > 5) & (t < 55))
+    h, v, lag, total, gust = 20.0, 0.0, 0.0, 0.0, 0.0
+    y, u = np.zeros(COUNT), np.zeros(COUNT)
+    for k in range(COUNT):
+        y[k] = h + 0.08 * rng.standard_normal()
+        error = 20 + command[k] - y[k]
+        total += 0.02 * STEP * error
+        u[k] = 0.5 + 0.12 * error - 0.14 * (v + 0.05 * rng.standard_normal()) + total
+        for _ in range(4):
+            lag += STEP / 4 * (u[k] - 0.5 - lag) / 0.08
+            v += STEP / 4 * (18 * lag - 0.35 * v + gust)
+            h += STEP / 4 * v
+        gust += -gust * STEP + 0.25 * np.sqrt(STEP) * rng.standard_normal()
+    kept = {"ref": command} if keep else None
+    return mf.Record(y=y, u=1000 + 1000 * u, dt=STEP, outputs="h", inputs="thr", keep=kept)
+
+
+def fitted(rec: mf.Record, structure: mf.TransferFunction, **words: object) -> tuple[mf.Fit, str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        fit = mf.fit(rec, structure, **words)  # type: ignore[arg-type]
+    return fit, "; ".join(str(one.message) for one in caught)
+
+
+@pytest.mark.parametrize("noise", ["output", "coloured"])
+@pytest.mark.parametrize("seed", [2, 12])
+def test_gusts_on_an_altitude_hold_are_named_with_a_fit_that_holds(seed: int, noise: str) -> None:
+    """By default estimates were 19 to 60 standard errors off, in coloured noise 4 to 6, and no word of it."""
+    rec = held_altitude(seed)
+    fit, text = fitted(rec, model(), noise=noise)
+    assert np.max(np.abs(fit.params - TRUTH) / fit.bse) > 4
+    assert text.startswith("fit: thr follows earlier innovations of h")
+    assert 'First try noise="process"' in text
+    assert next(iter(fit.check())) == text.removeprefix("fit: ")
+    cured, text = fitted(rec, model(), noise="process")
+    assert not text
+    assert np.all(np.abs(cured.params - TRUTH) < 2.5 * cured.bse)
+
+
+@pytest.mark.parametrize("kind", ["held", "smooth"])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_gusts_on_no_loop_are_not_named_as_one(seed: int, kind: str) -> None:
+    """Of 264 fits of such records, also of drifting sensors, missing poles and late inputs, none was."""
+    rng = np.random.default_rng(seed)
+    u = lfilter([0.2], [1, -0.8], rng.standard_normal(2000))
+    plant = mf.tf([5.0], [1.0, 1.5, 8.0])
+    form = "zoh" if kind == "held" else "smooth"
+    gust = plant.simulate(u=rng.standard_normal(2000), dt=0.05, intersample="zoh")
+    y = plant.simulate(u=u, dt=0.05, intersample=form)
+    y = y + 0.3 * y.std() / gust.std() * gust + 0.02 * y.std() * rng.standard_normal(2000)
+    rec = mf.Record(y=y, u=u, dt=0.05, intersample=form)
+    for noise in ("output", "coloured"):
+        fit, text = fitted(rec, mf.TransferFunction(poles=2, zeros=0), noise=noise)
+        assert not any("earlier innovations" in one for one in (text, *fit.check()))
+
+
+def test_a_reference_that_explains_much_is_not_said_to_explain_too_little() -> None:
+    """In 18 of 18 such records coloured noise cured what was put down to the reference."""
+    rec = held_altitude(2, keep=True)
+    with pytest.raises(mf.FitError) as caught:
+        mf.fit(rec, model(), reference="ref")
+    said = str(caught.value)
+    assert re.search(r"though the reference explains 9\d(\.\d)? % of thr", said)
+    assert said.endswith('with weights of the noise spectrum it does: add noise="coloured"')
+    fit = mf.fit(rec, model(), reference="ref", noise="coloured")
+    assert np.all(np.abs(fit.params - TRUTH) < 2.5 * fit.bse)
