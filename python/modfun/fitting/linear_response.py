@@ -87,14 +87,17 @@ def _system(model: NonlinearModel, trends: int) -> Any:
     n, inputs = len(form.states), len(form.drives)
     first = theta.size - trends
 
-    def of(x: F64, v: F64, z: F64, t: float = 1.0) -> F64:  # when a drift by time is 1, too
-        words = t, list(x), list(v), [], [*theta[:first], *z]
+    def of(*given: Any) -> F64:
+        x, v, z, t = given
+        words: Any = t, list(x), list(v), [], [*theta[:first], *z]
         return np.array([*form.rates(*words), *form.outputs(*words)], dtype=float)
 
-    none = np.zeros(n), np.zeros(inputs), np.zeros(trends)
-    level = of(*none)
+    none: list[Any] = [np.zeros(n), np.zeros(inputs), np.zeros(trends)]
+    level = of(*none, 1.0)  # when a drift by time is 1, too
     moved = [
-        np.array([of(*none[:k], one, *none[k + 1 :]) - level for one in np.eye(size)]).reshape(size, -1).T
+        np.array([of(*none[:k], one, *none[k + 1 :], 1.0) - level for one in np.eye(size)])
+        .reshape(size, level.size)
+        .T
         for k, size in enumerate((n, inputs, trends))
     ]
     x, v = np.linspace(1, 2, n), np.linspace(-1, 3, inputs)
@@ -107,7 +110,7 @@ def _system(model: NonlinearModel, trends: int) -> Any:
 
 
 def _least(rec: Record, forced: F64, basis: F64) -> F64:
-    """The initial state and trend with which samples are followed best, outputs weighed by what they leave."""
+    """The initial state and trend that follow samples best, outputs weighed by what is left of them."""
     own = sample_weights(rec.mask, rec.sigma, rec.y.shape)
     spread, left = np.std(rec.y, axis=1), rec.y - forced
     weight = own / np.where(spread > 0, spread, 1.0)[:, None]
