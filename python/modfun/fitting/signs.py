@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from ..results.diagnosis import level_ratio
 from ..results.estimates import COVARIANCES
 from ..results.of_equations import EquationFit
 from .restarts import compared
+
+if TYPE_CHECKING:
+    from ..equations.symbolic.compiled import Term
 
 __all__ = ["as_written", "positive", "settled", "signed", "signs_open"]
 
@@ -116,6 +119,7 @@ def settled(fit: EquationFit, sought: Callable[[Any], EquationFit]) -> EquationF
 
     1/(1 - T s) later by 2T is nearly 1/(1 + T s): beside a free delay a search may end at a time constant
     below 0, as of 3 of 6 records of a heated tank, 25 standard errors off. `sought(structure)`: its fit.
+    A gain below 0 is none of these: each search took two thirds of a fit with two delays.
     """
     model, words = fit.structure, fit.layout.formulas.words
     late = any([own is not None for _, _, own in words["signals"]])
@@ -123,7 +127,7 @@ def settled(fit: EquationFit, sought: Callable[[Any], EquationFit]) -> EquationF
         return fit
     told = dict(model.params)
     free = [name for name in fit.param_names if name not in told or told[name] == Free()]
-    below = [name for name in free if fit[name] < 0]
+    below = [name for name in free if fit[name] < 0 and not _is_gain(name, fit.layout.compiled.terms)]
     for turned in below if len(below) <= TURNED else ():
         within = {n: Free(min=0.0) if n == turned or fit[n] > 0 else Free(max=0.0) for n in free}
         try:
@@ -133,6 +137,20 @@ def settled(fit: EquationFit, sought: Callable[[Any], EquationFit]) -> EquationF
         if found.success and not found.at_bound and level_ratio(found) < level_ratio(fit):
             return replace(found, structure=model, layout=fit.layout)
     return fit
+
+
+def _is_gain(name: str, terms: Sequence[Term]) -> bool:
+    """Whether the other sign of a parameter turns responses over, and moves neither poles nor zeros."""
+    import sympy
+
+    own = sympy.Symbol(name, real=True)
+    turned: dict[tuple[int, Any], list[tuple[Any, Any]]] = {}
+    for term in terms:
+        other = term.coefficient.subs(own, -own)
+        turned.setdefault((term.equation, term.signal), []).append((term.coefficient, other))
+    same = [all(sympy.expand(a - b) == 0 for a, b in both) for both in turned.values()]
+    over = [all(sympy.expand(a + b) == 0 for a, b in both) for both in turned.values()]
+    return all(a or b for a, b in zip(same, over, strict=True))
 
 
 def signed(fit: EquationFit) -> EquationFit:

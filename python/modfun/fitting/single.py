@@ -46,7 +46,8 @@ def fit_quietly(
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
         few = fit_equation(records, structure, options, fit_quietly, starts=starts)
-        few = settled(few, lambda made: fit_equation(records, made, options, fit_quietly))
+        if starts is None:  # begun beside an answer, whose signs are settled
+            few = settled(few, lambda made: fit_equation(records, made, options, fit_quietly))
         enough = equations_on_enough_lines(equations_on_fewer_lines(few, fit_equation), fit_equation)
         enough = equations_on_more_lines(enough, fit_equation)
         made = signed(enough if unfolded else equations_closely(enough, fit_equation))

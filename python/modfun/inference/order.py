@@ -211,7 +211,7 @@ def select_order(
         structure.layout(records[0].outputs, records[0].inputs)
     sought = checked.band is None and checked.harmonics is None
     rounds, done = 2 + sought, count(1)  # fits by themselves, a look, the comparison
-    with Progress(progress, "select_order") as bar:
+    with Progress(progress, "select_order", "fits") as bar:
         bar(0, rounds * len(structures))
         structures, largest, too_large = _determined(records, structures, checked)
         total = rounds * len(structures)

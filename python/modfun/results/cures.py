@@ -268,7 +268,7 @@ def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
         if not late or (name in fit.inputs and late < 0):
             return None
         words, moved = earlier_by(records, name, late, whole=late == near)
-        made = again(fit, moved, fit.structure, on_band(fit, fit.band))
+        made = again(fit, moved, fit.structure, on_band(fit, fit.band), near=True)
         if made is None or abs(late) > FURTHEST * min(rec.duration for rec in records):
             return None
         other, left = made, likeliest_shift(made, name)
@@ -330,7 +330,7 @@ def with_drift(fit: Estimates) -> Cure | None:
     """A drift of the output beside the constant."""
     if fit.again is None or fit.records is None:
         return None
-    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
+    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"), near=True)
     if other is None:
         return None
     return Cure(DRIFT, bic_beside(fit, fit), bic_beside(other, fit), level_p(other))

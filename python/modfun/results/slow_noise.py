@@ -47,7 +47,7 @@ def slow_noise(fit: Estimates, warnings_of: Warned) -> Doubt | None:
         or origin(fit) == "process"
     ):
         return None
-    drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"))
+    drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"), near=True)
     if drift is None or not refuted(drift) or _structural(fit, drift):
         return None
     found = _weighted(fit, warnings_of)

@@ -9,7 +9,7 @@ from .cures import DRIFT, ENOUGH
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, clipped, joined, noise_free
 from .estimates import Estimates
-from .further import event
+from .further import event, stationary
 from .misfit import UNLIKELY, refuted, suspicious
 from .next_structures import best_cure
 
@@ -27,6 +27,9 @@ def unseen_event(fit: Estimates) -> Doubt | None:
     """
     plain = isinstance(fit.structure, TransferFunction) and fit.options.noise == "output"
     if not plain or not fit.inputs or fit.again is None or not fit.records or noise_free(fit):
+        return None
+    # Masked samples tell no event, for which the fit in coloured noise took five times as long as the fit.
+    if not stationary(fit):
         return None
     if len(fit.outputs) * len(fit.inputs) > MOST_PATHS:
         return None

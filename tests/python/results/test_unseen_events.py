@@ -6,6 +6,10 @@ import modfun as mf
 import numpy as np
 import pytest
 from flights import warned
+from modfun.fitting.single import fit_quietly
+from modfun.models.options import Options
+from modfun.results import unseen_events
+from modfun.results.misfit import refuted, suspicious
 from scipy.signal import lfilter
 
 PLANT = mf.tf([0.8], np.polymul([120, 1], [25, 1]), delay=40)
@@ -39,3 +43,14 @@ def test_drifts_and_nothing_are_no_loads(seed):
     """False alarms of the test of events: one in 10,000."""
     assert warned(process(seed), LATE)[1] == ""
     assert "something acts" not in warned(process(seed, drift=2.0), LATE)[1]
+
+
+def test_masked_records_are_not_fitted_in_coloured_noise_for_it(monkeypatch):
+    """Lines of masked samples tell no event, and that fit took most of the time on grids of uneven rows."""
+    rec = process(0, load=1.0)
+    kept = np.arange(rec.t.size) % 7 > 0
+    fit = fit_quietly((rec._like(mask=kept[None]),), LATE, Options())
+    monkeypatch.setattr(unseen_events, "in_coloured_noise", lambda _: pytest.fail("it was made"))
+    assert suspicious(fit)
+    assert refuted(fit)
+    assert unseen_events.unseen_event(fit) is None
