@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from ..equations.equation import Equation
+from ..equations.layout import layout_of
 from ..models.free import Free
+from ..records.forms import forms_of
 from .estimates import Estimates
 from .neighbours import EXTRA
 
@@ -25,12 +27,14 @@ def starts_beside(fit: Estimates, structure: Any) -> dict[str, list[float]]:
 
     A search from afar took up to a hundred times as long, for each of some thirty terms.
     """
-    formulas = getattr(fit.layout, "formulas", None)
-    if formulas is None or formulas.words["linear"] or not isinstance(structure, Equation):
+    if not hasattr(fit.layout, "formulas") or not isinstance(structure, Equation):
         return {}
     if not fit.usable:
         return {}
     if any([f"(t - {EXTRA})" in text for text in structure.texts]):
+        return {}
+    layout = layout_of(structure, fit.options, fit.outputs, fit.inputs, forms_of(fit.records or ()))
+    if layout.formulas.words["linear"]:
         return {}
     own, told = dict(zip(fit.param_names, fit.params.tolist(), strict=True)), dict(structure.params)
     names = structure.param_names(fit.inputs, fit.outputs)
