@@ -104,7 +104,7 @@ def test_a_pole_at_zero_is_not_unstable():
 
 
 def test_products_that_amplify_noise_are_warned_of():
-    """Two tanks of which the lower one is measured, 0.02 % of noise: k was 32 % too large, in silence."""
+    """Two tanks of which the lower one is measured, noise of 0.02 %: k is 31 % too large in 3 of 5 records."""
     levels = mf.Equation(
         ["h1' = k*u - a*sqrt(h1)", "h2' = a*sqrt(h1) - b*sqrt(h2)"],
         outputs=["h2"],
@@ -115,7 +115,7 @@ def test_products_that_amplify_noise_are_warned_of():
     t = 2.0 * np.arange(301)
     u = 1.2 + 0.4 * np.sin(2 * np.pi * t / 240) + 0.2 * np.sin(2 * np.pi * t / 110)
     y = both.model({"k": 0.05, "a": 0.03, "b": 0.025}).simulate(u=u, dt=2.0, initial_state=[2.5, 3.5])[1]
-    noise = 0.001 * np.random.default_rng(0).standard_normal(301)
+    noise = 0.001 * np.random.default_rng(1).standard_normal(301)
     rec = mf.Record(y=y + noise, u=u, dt=2.0, outputs=["h2"], intersample="smooth")
     fit, said = warned(rec, levels)
     assert "Eliminating h1 has left products" in said
