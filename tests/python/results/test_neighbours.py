@@ -104,7 +104,7 @@ def test_a_pole_at_zero_is_not_unstable():
 
 
 def test_products_that_amplify_noise_are_warned_of():
-    """Two tanks of which the lower one is measured, noise of 0.02 %: k is 31 % too large in 3 of 5 records."""
+    """Two tanks, the lower one measured with noise of 0.02 %: k is 31 % too large in 3 of 5 records."""
     levels = mf.Equation(
         ["h1' = k*u - a*sqrt(h1)", "h2' = a*sqrt(h1) - b*sqrt(h2)"],
         outputs=["h2"],
