@@ -67,7 +67,7 @@ def test_gusts_on_an_altitude_hold_are_named_with_a_fit_that_holds(seed: int, no
 @pytest.mark.parametrize("kind", ["held", "smooth"])
 @pytest.mark.parametrize("seed", [0, 1])
 def test_gusts_on_no_loop_are_not_named_as_one(seed: int, kind: str) -> None:
-    """Of 264 fits of such records, also of drifting sensors, missing poles and late inputs, none was."""
+    """Of 192 fits of such records, also of drifting sensors, missing poles and late inputs, none was."""
     rng = np.random.default_rng(seed)
     u = lfilter([0.2], [1, -0.8], rng.standard_normal(2000))
     plant = mf.tf([5.0], [1.0, 1.5, 8.0])
