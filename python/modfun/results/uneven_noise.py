@@ -60,22 +60,27 @@ class Uneven(NamedTuple):
         Residuals of each record, (output, time), without its last sample.
     new : tuple of ndarray
         What an autoregression does not foresee of them, (output, time), without the first `ORDER` samples.
-    readings : tuple of ndarray or None
-        Sizes of the simulated outputs, (output, time), where the level goes with these; None: with the time.
+    readings : tuple of ndarray
+        Sizes of the simulated outputs of each record, (output, time).
+    goes : ndarray
+        Whether the level of an output goes with these, (output,); others go with the time.
     """
 
     p_value: float
     output: int
     errors: tuple[F64, ...]
     new: tuple[F64, ...]
-    readings: tuple[F64, ...] | None = None
+    readings: tuple[F64, ...]
+    goes: NDArray[np.bool_]
 
     def levels(self) -> list[F64]:
         """Smooth standard deviation of what is new in each record, (output, time)."""
-        if self.readings is None:
-            return [np.array([level_in_time(own) for own in new]) for new in self.new]
-        outputs = range(len(self.new[0]))
-        rows = [_level_over([own[i] for own in self.new], [own[i] for own in self.readings]) for i in outputs]
+        rows = [
+            _level_over([own[i] for own in self.new], [own[i] for own in self.readings])
+            if goes
+            else [level_in_time(own[i]) for own in self.new]
+            for i, goes in enumerate(self.goes)
+        ]
         return [np.array(own) for own in zip(*rows, strict=True)]
 
 
@@ -119,11 +124,11 @@ def uneven(fit: Estimates) -> Uneven | None:
     new = tuple([unforeseen(own) for own in errors])
     sizes = tuple([np.abs(own) for own in found])
     in_time, over_sizes = p_values(new), p_values(new, sizes)
-    goes = over_sizes.min() < in_time.min()
-    p = over_sizes if goes else in_time
+    p = np.minimum(in_time, over_sizes)
+    chance = 2 * p.size * p
     most = int(np.argmin(p))
-    chance = min(1.0, 2 * p.size * float(p[most]))
-    return Uneven(chance, most, tuple(errors), new, sizes if goes else None)
+    goes = (over_sizes < in_time) & (chance < UNEVEN)
+    return Uneven(min(1.0, float(chance[most])), most, tuple(errors), new, sizes, goes)
 
 
 def _leaves(fit: Estimates, errors: Sequence[F64]) -> bool:
@@ -378,7 +383,7 @@ def in_words(fit: Estimates, found: Uneven) -> str:
     """That the noise changes, and by how much."""
     level, y = _level_of(found), fit.outputs[found.output]
     factor = f"by a factor of {level.max() / level.min():.2g} (p = {found.p_value:.2g})."
-    if found.readings is None:
+    if not found.goes[found.output]:
         return f"The noise of {y} changes over the record: its level in time varies {factor}"
     return (
         f"The noise of {y} changes with what is read: its level goes with the size of {y} and varies {factor}"
@@ -405,7 +410,7 @@ def of_time(fit: Estimates) -> Doubt | None:
 
 def _weights(fit: Estimates, found: Uneven) -> str:
     """How samples are weighted by the level of their noise."""
-    if found.readings is None or len(fit.outputs) > 1:
+    if not found.goes[0] or len(fit.outputs) > 1:
         return "Record(sigma=...) weights the samples by it, too."
     size = np.concatenate([own[0] for own in found.readings])
     level = _level_of(found)
