@@ -60,7 +60,7 @@ def equations_on_more_lines(fit: EquationFit, refit: Callable[..., EquationFit])
     and damping had errors 13 to 40 times as large as on twice the band.
     """
     rule, records = fit.band_rule, fit.records
-    if rule is None or not fit.success or not records or not meets_end(fit):
+    if rule is None or not fit.success or not records or not fit.params.size or not meets_end(fit):
         return fit
     if any([rec.dt is None for rec in records]):
         return fit

@@ -57,6 +57,8 @@ def slow_noise(fit: Estimates, warnings_of: Warned) -> Doubt | None:
     gain = smaller_errors(fit, other)
     followed = min([d.correlation.p_value, *(one.p_value * len(d.further) for one in d.further)])
     sure = gain > PAYS or followed < SUREST or bool(fit.at_bound)
+    if layout.rational and not sure and not gain > LEAST_GAIN:
+        return None  # what else residuals say tells more than weights that gain nothing
     less = f", and standard errors {gain:.2g} times smaller (geometric mean)" if gain > LEAST_GAIN else ""
     return Doubt(
         f"A slow disturbance is on {d.coloured}: residual lines are {d.colour_ratio:.3g} times as strong in "
