@@ -263,20 +263,24 @@ def _sought(
     if quiet and not fit.success:  # a level ran away, so that its output counted for nothing
         told = told or fitted(outputs, learn=False)
         fit = told if told.success else fit
-    elif learns and fit.success and _at_the_cost_of_others(fit):
+    elif learns and fit.success and _at_the_cost_of_others(fit, records, order):
         told = fitted(outputs, learn=False)
         fit = told if told.success else fit
     blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
     return across(fit, outputs, blinds, fitted)
 
 
-def _at_the_cost_of_others(fit: EquationFit) -> bool:
-    """Whether the level of a record ran to nothing, which its parameters then fit alone, and others' rose.
+def _at_the_cost_of_others(fit: EquationFit, records: Sequence[Record], order: int) -> bool:
+    """Whether a record's level ran far below its high band's, as parameters fit it alone, and others' rose.
 
     With a lag that is not there levels of 0.0075, 0.068 and 0.26 were learnt of one sensor in three records
     of a Duffing oscillator, for a noise of 0.08, and BIC fell by 130.
     """
-    over = fit.levels / fit.seen
+    if any([rec.dt is None or rec.mask is not None or rec.sigma is not None for rec in records]):
+        return False
+    if any([too_short(rec.t.size, order) for rec in records]):
+        return False
+    over = fit.levels / np.array([noise_level(np.ascontiguousarray(rec.y), order) for rec in records])
     return bool(np.any((over.min(axis=0) < 1 / AWAY) & (over.max(axis=0) > 1.0)))
 
 
