@@ -13,6 +13,7 @@ from .._core import coefficients, noise_level
 from ..base.arrays import C128, F64
 from ..errors import ModfunError
 from ..records.functions import samples_of
+from ..records.mask import runs
 from ..records.record import Record
 from ..results.cures import on_band
 from ..results.misfit import suspicious
@@ -34,6 +35,7 @@ FURTHER, LOST = (
 )  # times the noise, and the outputs' motion: what a response leaves that tells nothing
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
 PARTS = 4  # of a sampling interval, in which the response is looked at,
+GAP = 3  # samples in a row that may be masked: beside nine, estimates were 15 standard errors off
 SEEN = 30  # or more, such that Simpson's rule has so many in a period of the highest line: errors of 1e-5
 
 
@@ -149,6 +151,9 @@ def bent(fit: EquationFit) -> bool:
     enough = [rec.intervals / (FINE if rec.dt else UNEVEN) / rec.duration for rec in fit.records or ()]
     fast = any(fit.band[1] > 2 * pi * frequency for frequency in enough)
     if not (plain and fast) or fit.at_bound:
+        return False
+    masks = [row for rec in fit.records or () if rec.mask is not None for row in rec.mask]
+    if not fit.layout.compiled.is_linear and any([runs(~row)[1].max(initial=0) > GAP for row in masks]):
         return False
     return held or (_whole(fit, fit.records or ()) and fit.success and suspicious(fit) and not _astray(fit))
 

@@ -65,6 +65,8 @@ def equations_on_more_lines(fit: EquationFit, refit: Callable[..., EquationFit])
     if any([rec.dt is None for rec in records]):
         return fit
     top, found = min([2 * pi / SLOWEST * rec.intervals / rec.duration for rec in records]), fit
+    if not found.band[1] < top:
+        return fit
     while found.band[1] < top:
         edge = min(2 * found.band[1], top)
         options, starts = (
