@@ -199,8 +199,12 @@ def test_a_brusselator_of_the_right_numbers_has_no_wrong_sign():
         assert "sign" not in warned(*_brusselator(251, seed))[1]
 
 
-def test_numbers_that_sums_over_few_samples_contradict_are_not_called_wrong():
-    """Five a second: "the record has 0.955 where the model has 1"."""
+def test_numbers_beside_sums_over_few_samples_are_not_called_wrong():
+    """Five a second: "the record has 0.955 where the model has 1". What sums leave is taken out now.
+
+    The largest of six normal errors is below 3.5 but for once in 360 tests.
+    """
     for seed in range(3):
-        text = warned(*_brusselator(126, seed))[1]
-        assert "samples, which are 0.2 s apart, so that sums over them err: the record has" in text
+        fit, text = warned(*_brusselator(126, seed))
+        assert text == ""
+        assert np.all(np.abs(fit.params - [1, 3]) < 3.5 * fit.bse)
