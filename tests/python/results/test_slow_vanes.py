@@ -85,7 +85,9 @@ def test_a_slow_vane_is_a_state_and_its_code_runs_as_written(seed):
     assert not again
     assert off(better) < 3.5
     assert abs(better["lag"] - 0.06) < 4 * better.bse["lag"]
-    name, error = re.search(r"(\w+) is \S+ ± \S+ so, and \S+ ± (\S+) with that as a state", text).groups()
+    name, error = re.search(
+        r"(\w+) is \S+ ± \S+ so, and \S+ ± (\S+) with its sensor as a state", text
+    ).groups()
     assert abs(float(error) / better.bse[name] - 1) < 0.5  # on the band of the first fit
 
 
