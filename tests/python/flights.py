@@ -87,3 +87,8 @@ def warned(records, model, **options):
         fit = mf.fit(records, model, **options)
     assert len(caught) <= 1
     return fit, " ".join(str(one.message) for one in caught)
+
+
+def off(fit):
+    """Standard errors between the worst derivative and its true value."""
+    return max(abs(fit[name] - value) / fit.bse[name] for name, value in TRUTH.items())

@@ -74,10 +74,8 @@ class _Turns:
         from scipy.sparse import csr_array
         from scipy.special import i0
 
-        self.top, self.size = (
-            top,
-            next_fast_len(4 * top + 4 * SPREAD, real=True),
-        )  # twice as fine as lines need
+        self.top = top
+        self.size = next_fast_len(4 * top + 4 * SPREAD, real=True)  # twice as fine as lines need
         at = t / (t[-1] - t[0]) * self.size
         near = np.floor(at).astype(np.int64)[:, None] + np.arange(1 - SPREAD // 2, 1 + SPREAD // 2)
         inside = np.sqrt(np.maximum(1 - ((near - at[:, None]) / (SPREAD / 2)) ** 2, 0.0))

@@ -91,13 +91,11 @@ def _unsettled(
         for share, name in zip(found.tolist(), records[0].inputs, strict=True)
         if name not in options.reference
     ]
-    told = (
-        f"fit: reference={', '.join(options.reference)!r}: the estimate did not settle, though the reference "
-        f"explains {', '.join(shares)}"
-        if min(found) > MUCH
-        else f"fit: reference={', '.join(options.reference)!r}: the estimate did not settle, since the "
-        f"reference explains too little of the inputs, {', '.join(shares)}"
-    )
+    why = "though the reference explains"
+    if not min(found) > MUCH:
+        why = "since the reference explains too little of the inputs,"
+    told = f"fit: reference={', '.join(options.reference)!r}: the estimate did not settle, {why} "
+    told += ", ".join(shares)
     weighted, either = options.replace(noise="coloured", output_weights=None), ""
     if options.noise == "output":
         try:

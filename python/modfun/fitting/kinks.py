@@ -29,10 +29,8 @@ UNEVEN = 160  # the same at uneven times: with 70, 9,000 samples left estimates 
 ROUNDS = 6
 SETTLED = 0.5  # of a standard error: the last step, which is taken; the next one is some twenty times smaller
 CLOSE = 0.1  # the same of nonlinear equations, where the next one may be nine tenths as large
-FURTHER, LOST = (
-    3.0,
-    0.3,
-)  # times the noise, and the outputs' motion: what a response leaves that tells nothing
+FURTHER = 3.0  # times the noise,
+LOST = 0.3  # and of the outputs' motion: what a response leaves that tells nothing
 LESS = 0.3  # of the first step: where the last one is not as much smaller, the estimate stays as it was
 PARTS = 4  # of a sampling interval, in which the response is looked at,
 GAP = 3  # samples in a row that may be masked: beside nine, estimates were 15 standard errors off

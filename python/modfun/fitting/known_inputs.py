@@ -19,7 +19,7 @@ from ..records.functions import Held, integrals, known, sampled, samples_of
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.of_equations import EquationFit
-from ..results.prediction import unexplained
+from ..results.prediction import misses
 from .finer import finer
 from .kinks import bent, without_kinks
 from .plain import fit_plain
@@ -110,7 +110,7 @@ def held_closely(fit: Fit, again: Callable[[tuple[Record, ...], Any, Options], A
     if not (unsure or any([np.max(np.abs(np.roots(den))) * max(steps) > FAST for den in dens])):
         return fit
     closer = fit_known_inputs(tuple([_as_functions(rec) for rec in records]), fit.structure, o, again)
-    if closer.success and _misses(closer) > WORSE * _misses(fit):  # in another minimum
+    if closer.success and misses(closer) > WORSE * misses(fit):  # in another minimum
         return fit
     if not closer.success and _sought(o):
         eight = o.replace(band=(0.0, 2 * pi / 8 / max(steps)))
@@ -137,18 +137,10 @@ def equations_closely(fit: EquationFit, refit: Callable[..., EquationFit]) -> Eq
         warnings.simplefilter("ignore")
         start = refit(records, fit.structure, o.replace(band=(0.0, edge)))
         wide = without_kinks(start, refit) if bent(start) else start
-        worse = found.success and _misses(wide) > WORSE * _misses(found)
+        worse = found.success and misses(wide) > WORSE * misses(found)
     if wide is start or worse or not wide.success:
         return found
     return replace(wide, options=o, again=fit.again)
-
-
-def _misses(fit: Fit) -> float:
-    """Squares of what the response leaves of the outputs, relative to these; sampling folds nothing there."""
-    records = fit.records or ()
-    with np.errstate(over="ignore"):  # of an unstable estimate
-        each = [unexplained(fit, rec) / np.std(rec.y, axis=1, keepdims=True) for rec in records]
-        return float(sum([np.sum(left**2) for left in each]))
 
 
 def _sought(options: Options) -> bool:

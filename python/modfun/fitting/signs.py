@@ -44,12 +44,8 @@ def positive(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     at = [k for k in exponents(fit.layout.compiled) if words["starts"][k] is None]
     for other in mirrors(fit.layout.compiled, fit.params):
         if np.sum(other[at] < 0) < np.sum(fit.params[at] < 0):
-            within = tuple(
-                (max(low, 0.0) if k in at and other[k] > 0 else low, high)
-                for k, (low, high) in enumerate(words["bounds"])
-            )
-            found = sought(other.tolist(), within)  # with bounds: the search has starts of its own
-            if found.success and found.cost <= (1 + MIRRORED) * fit.cost:
+            turned = np.isin(np.arange(other.size), at) & (other > 0)
+            if found := _turned(fit, other, turned, sought):
                 return found
     return _upright(fit, sought)
 
@@ -70,15 +66,20 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     others = [x for x in twins(fit.layout.compiled, fit.params) if np.sum(x[free] < 0) < below]
     size = np.where(fit.params == 0, 1.0, fit.params)
     for other in sorted(others, key=lambda x: (np.sum(x[free] < 0), np.linalg.norm(x / size)))[:1]:
-        turned = free & (fit.params < 0) & (other > 0)
-        within = tuple(
-            (0.0 if is_turned else low, high)
-            for is_turned, (low, high) in zip(turned, words["bounds"], strict=True)
-        )
-        found = sought(other.tolist(), within)
-        if found.success and found.cost <= (1 + MIRRORED) * fit.cost:
+        if found := _turned(fit, other, free & (fit.params < 0) & (other > 0), sought):
             return found
     return fit
+
+
+def _turned(
+    fit: EquationFit, other: F64, turned: Any, sought: Callable[..., EquationFit]
+) -> EquationFit | None:
+    """The fit that a search from another set finds with some above 0, where it explains as much."""
+    words: Any = fit.layout.formulas.words
+    pairs = zip(turned, words["bounds"], strict=True)
+    within = tuple([(max(low, 0.0) if up else low, high) for up, (low, high) in pairs])
+    found = sought(other.tolist(), within)  # with bounds: the search has starts of its own
+    return found if found.success and found.cost <= (1 + MIRRORED) * fit.cost else None
 
 
 def _untold(words: Any) -> Any:

@@ -18,7 +18,7 @@ from ..results.cures import on_band
 from ..results.estimates import COVARIANCES
 from ..results.fit import Fit
 from ..results.of_equations import EquationFit
-from ..results.prediction import path_model, unexplained
+from ..results.prediction import misses, path_model
 from ..results.regression import trend_columns
 from ..systems.polynomials import companion, roots, time_unit
 from .wider import ENOUGH
@@ -61,7 +61,7 @@ def without_excess(fit: Fit, refit: Refit) -> Fit:
     if fit.band_rule is not None and top > fit.band[1] and (found is None or _has_beyond(found)):
         # The core's rule ends where integrals over these steps do; what is known of them reaches further.
         wider = _settled(found or fit, o.replace(band=(0.0, top)), refit)
-        if wider is not None and (found is None or _misses(wider) < _misses(found)):
+        if wider is not None and (found is None or misses(wider) < misses(found)):
             found = wider
     if found is None:
         return replace(fit, status="maxiter" if fit.success else fit.status)
@@ -99,7 +99,7 @@ def equations_on_fewer_lines(fit: EquationFit, refit: Equations) -> EquationFit:
     if not np.any(above > ABOVE):
         return fit
     # To integrate equations where a search has gone astray takes seconds.
-    measure, least = (_misses, _misses(fit)) if uneven else (_level, ASTRAY * _level(fit))
+    measure, least = (misses, misses(fit)) if uneven else (_level, ASTRAY * _level(fit))
     best = fit
     for part in FEWER:
         try:
@@ -142,13 +142,6 @@ def _has_beyond(fit: Fit) -> bool:
     """Whether a pole lies beyond the lines."""
     each = range(len(fit.outputs))
     return any([np.max(np.abs(roots(fit.polynomials(i)[0])), initial=0.0) > fit.band[1] for i in each])
-
-
-def _misses(fit: Fit) -> float:
-    """Squares that the response leaves of the outputs."""
-    return float(
-        sum([np.sum((unexplained(fit, rec).T / np.std(rec.y, axis=1)) ** 2) for rec in fit.records or ()])
-    )
 
 
 def _counts(rec: Record) -> bool:

@@ -66,13 +66,11 @@ def equations_on_more_lines(fit: EquationFit, refit: Callable[..., EquationFit])
         return fit
     top, found = min([2 * pi / SLOWEST * rec.intervals / rec.duration for rec in records]), fit
     if not found.band[1] < top:
-        return fit
+        return fit  # as it was: nothing is tried
     while found.band[1] < top:
         edge = min(2 * found.band[1], top)
-        options, starts = (
-            on_band(found, (found.band[0], edge)),
-            None if found.at_bound else found.params.tolist(),
-        )
+        options = on_band(found, (found.band[0], edge))
+        starts = None if found.at_bound else found.params.tolist()
         try:
             wider = refit(records, fit.structure, options, fit.again, starts=starts)
         except ModfunError:  # as of samples that leave too few lines
@@ -80,9 +78,5 @@ def equations_on_more_lines(fit: EquationFit, refit: Callable[..., EquationFit])
         if not gains(found, wider):
             break
         found = wider
-    return replace(
-        found,
-        options=fit.options,
-        again=fit.again,
-        band_rule=rule | {"asked": 1.0} | ({} if found is fit else {"doubled": 1.0}),
-    )
+    told = rule | {"asked": 1.0} | ({} if found is fit else {"doubled": 1.0})
+    return replace(found, options=fit.options, again=fit.again, band_rule=told)

@@ -212,7 +212,7 @@ def fed_back(fit: Estimates) -> Doubt | None:
             f"and the estimates may be those of the latter. {_by_command(fit, u, STANDS)}"
         )
         return Doubt(text, sure=found.p_value < SURE)
-    if not (found.regulates or command_of(fit)) and (driven := driven_loop(fit)):
+    if not command_of(fit) and (driven := driven_loop(fit)):
         return driven
     return Doubt(
         f"{u} follows earlier residuals of {y} (p = {found.p_value:.1g}): a loop feeds the noise back, which "
@@ -413,7 +413,7 @@ def check(fit: Estimates, line: str) -> Findings:
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
             slow = _slow(whole)
-            slow = slow if _left(whole) is slow else None
+            slow = slow if slow and _left(whole) is slow else None  # else nothing is looked for twice
             residual = [slow] if slow else of_residuals(whole, d)
             sure = any(doubt and doubt.sure for doubt in residual)
             found += [clipped(whole)] if sure else []

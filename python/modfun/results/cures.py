@@ -353,10 +353,8 @@ def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:
     values, errors = other.params[rows], np.where(other.bse[rows] > 0, other.bse[rows], np.inf)
     far = np.abs(values - fit.params) / errors
     at = int(np.argmax(far))
-    was, now = (
-        f"{fit.params[at]:.4g} ± {fit.spread[at]:.2g}",
-        f"{values[at]:.4g} ± {other.spread[rows[at]]:.2g}",
-    )
+    was = f"{fit.params[at]:.4g} ± {fit.spread[at]:.2g}"
+    now = f"{values[at]:.4g} ± {other.spread[rows[at]]:.2g}"
     return fit.param_names[at], was, now, float(far[at])
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..equations.equation import Equation
-from .cures import again, on_band
+from .cures import again, bic_beside, on_band
 from .doubts import Doubt
 from .estimates import Estimates
 from .refits import lengthy
@@ -93,9 +93,6 @@ def _root(fit: Estimates, k: int, value: float, least: float) -> float | None:
     other = again(fit, fit.records, held, on_band(fit, fit.band), near=True)
     if other is None or not other.success:
         return None
-    deviances = []
-    for one in (fit, other):
-        rows = one.df_resid + one.params.size
-        deviances.append((one.bic - one.params.size * log(rows)) / rows)
-    rise = (deviances[1] - deviances[0]) * (fit.df_resid + fit.params.size)
+    rows = fit.df_resid + fit.params.size
+    rise = bic_beside(other, fit) - fit.bic + (fit.params.size - other.params.size) * log(rows)
     return sqrt(max(rise, 0.0) / least)

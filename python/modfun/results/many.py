@@ -24,14 +24,13 @@ from ..errors import ModfunError, SpecError
 from ..models.options import Options
 from .estimates import Estimates
 from .fit import Fit
-from .prediction import unexplained
+from .prediction import misses
 from .process_noise import level_names, levels_of, of_many
 
 __all__ = ["FitMany"]
 
 # Standard errors. Fits of the same lines agree to 1e-6 of one; what single fits do beside is for larger ones.
 APART = 3.0
-TINY = float(np.finfo(float).tiny)
 
 
 @public
@@ -344,7 +343,9 @@ def _apart(params: F64, fit: Fit) -> str | None:
     k = int(np.argmax(steps))
     if fit.records is None or not steps[k] > APART:
         return None
-    own, here = _left(fit), _left(replace(fit, params=Named(params, fit.param_names)))
+    size = sum([rec.y.size for rec in fit.records])
+    there = replace(fit, params=Named(params, fit.param_names))
+    own, here = (float(np.sqrt(misses(one) / size)) for one in (fit, there))
     if not here > own:
         return None
     return (
@@ -352,13 +353,6 @@ def _apart(params: F64, fit: Fit) -> str | None:
         f"response leaves {100 * own:.3g} % of the outputs instead of {100 * here:.3g} %; fit each record by "
         "itself, mf.fit(data[k], model)"
     )
-
-
-def _left(fit: Fit) -> float:
-    """What its response leaves of the outputs of its record, over their standard deviation (rms)."""
-    rec: Any = fit.records
-    left = unexplained(fit, rec[0]) / np.maximum(rec[0].y.std(axis=1, keepdims=True), TINY)
-    return float(np.sqrt(np.mean(left**2)))
 
 
 def _of_fit(fit: Fit) -> tuple[F64, F64] | None:

@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..base.cached import kept
 from .cures import CLOSE, ENOUGH, Cure, again, on_band
 from .diagnosis import diagnose, poles_of
 from .doubts import SURE
 from .estimates import Estimates
 from .further import Explained
 from .next_structures import best_cure
-from .origin import hum, on_wide_band, origin, wide_band
+from .origin import hum, in_process_noise, on_wide_band, origin, wide_band
 
 __all__ = ["UNSPOKEN", "like_gusts", "linear_instead", "missing_mode", "tone_left"]
 
@@ -70,16 +69,9 @@ def like_gusts(fit: Estimates, cure: Cure | None = None) -> bool:
         return False
     if cure is None or cure.fit is None:
         return True
-    driven = _driven(fit)
+    driven = in_process_noise(fit)
     other = again(fit, fit.records, cure.fit.structure, on_band(fit, wide_band(fit)))
     return driven is None or other is None or not other.bic < driven.bic - UNSPOKEN
-
-
-@kept
-def _driven(fit: Estimates) -> Estimates | None:
-    """The fit on a wide band in noise that drives the system."""
-    options = on_band(fit, wide_band(fit)).replace(noise="process", method="ml")
-    return again(fit, fit.records, fit.structure, options)
 
 
 def _cures(fit: Estimates, output: int, channels: Sequence[str | None]) -> list[Cure]:

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..base.cached import kept
-from ..errors import ModfunError
 from ..models.transfer_function import TransferFunction
 from .cures import WORTH, again, on_band
 from .estimates import Estimates
@@ -22,6 +21,7 @@ __all__ = [
     "gain_of_colour",
     "gain_of_process",
     "hum",
+    "in_process_noise",
     "on_wide_band",
     "origin",
     "position",
@@ -226,17 +226,22 @@ def wide_band(fit: Estimates) -> tuple[float, float]:
     return fit.band[0], max(fit.band[1], float(min(least, most)))
 
 
+@kept
+def in_process_noise(fit: Estimates) -> Estimates | None:
+    """The fit on a wide band in noise that drives the system; None where it has no answer."""
+    options = on_band(fit, wide_band(fit)).replace(noise="process", method="ml")
+    return again(fit, fit.records, fit.structure, options)
+
+
 def gain_of_process(fit: Estimates) -> tuple[float, float] | None:
     """BIC of equations over a wide band without and with noise in each; None where that does not pay."""
     if fit.layout.rational or fit.options.noise != "output" or fit.again is None or fit.records is None:
         return None
-    try:
-        options = on_band(fit, wide_band(fit))
-        driven = fit.again(fit.records, fit.structure, options.replace(noise="process", method="ml"))
-        plain = fit.again(fit.records, fit.structure, options)
-    except ModfunError:  # equations that are not linear, say
+    driven = in_process_noise(fit)  # none of equations that are not linear, say
+    if driven is None or driven.process_levels is None:
         return None
-    if not (driven.usable and plain.usable and driven.process_levels is not None):
+    plain = again(fit, fit.records, fit.structure, on_band(fit, wide_band(fit)))
+    if plain is None:
         return None
     after = driven.bic + len(fit.outputs) * np.log(driven.df_resid)
     return (plain.bic, after) if after < plain.bic - WORTH else None

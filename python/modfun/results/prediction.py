@@ -26,6 +26,7 @@ from .regression import free_response, regress, trend_columns
 __all__ = [
     "InitialState",
     "given_state",
+    "misses",
     "observe_paths",
     "path_columns",
     "path_model",
@@ -33,6 +34,8 @@ __all__ = [
     "simulate_system",
     "unexplained",
 ]
+
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,3 +295,13 @@ def unexplained(fit: Any, rec: Record) -> F64:
     except ModfunError:
         return rec.y
     return left if np.isfinite(left).all() else rec.y
+
+
+def misses(fit: Any) -> float:
+    """Squares of what the response leaves of the records' outputs, each in units of its own scatter."""
+    total = 0.0
+    with np.errstate(over="ignore"):  # of an unstable estimate
+        for rec in fit.records or ():
+            scatter = np.maximum(rec.y.std(axis=1, keepdims=True), TINY)
+            total += float(np.sum((unexplained(fit, rec) / scatter) ** 2))
+    return total

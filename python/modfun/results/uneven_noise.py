@@ -76,7 +76,7 @@ class Uneven(NamedTuple):
     def levels(self) -> list[F64]:
         """Smooth standard deviation of what is new in each record, (output, time)."""
         rows = [
-            _level_over([own[i] for own in self.new], [own[i] for own in self.readings])
+            _level([own[i] for own in self.new], [own[i] for own in self.readings], TERMS)
             if goes
             else [level_in_time(own[i]) for own in self.new]
             for i, goes in enumerate(self.goes)
@@ -203,19 +203,16 @@ def _times(count: int) -> F64:
 
 def level_in_time(new: F64) -> F64:
     """The smooth level of what `unforeseen` leaves of a row, also over the samples before it."""
-    size = float(np.abs(new).max()) or 1.0
-    squares = np.append(np.zeros(ORDER), (new / size) ** 2)
-    counted = np.append(np.zeros(ORDER), np.ones(new.size))
-    return size * np.sqrt(smooth_level(squares, np.linspace(-1.0, 1.0, squares.size), counted))
+    return _level([new], [np.linspace(-1.0, 1.0, new.size + ORDER)])[0]
 
 
-def _level_over(new: Sequence[F64], sizes: Sequence[F64]) -> list[F64]:
-    """The smooth level of an output over the size of what is read, in each record."""
+def _level(new: Sequence[F64], x: Sequence[F64], *terms: int) -> list[F64]:
+    """The smooth level of an output over x, such as the size of what is read, in each record."""
     largest = max(float(np.abs(own).max()) for own in new) or 1.0
     squares = np.concatenate([np.append(np.zeros(ORDER), (own / largest) ** 2) for own in new])
     counted = np.concatenate([np.append(np.zeros(ORDER), np.ones(own.size)) for own in new])
-    level = largest * np.sqrt(smooth_level(squares, np.concatenate(sizes), counted, TERMS))
-    return np.split(level, np.cumsum([own.size for own in sizes])[:-1])
+    level = largest * np.sqrt(smooth_level(squares, np.concatenate(x), counted, *terms))
+    return np.split(level, np.cumsum([own.size for own in x])[:-1])
 
 
 def covariance(fit: Estimates) -> F64 | None:

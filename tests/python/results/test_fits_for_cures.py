@@ -5,6 +5,7 @@ import warnings
 import modfun as mf
 import numpy as np
 import pytest
+from flights import warned
 from modfun.fitting import single
 from modfun.results.worth import worth
 
@@ -43,13 +44,6 @@ def fits(monkeypatch):
     plain = single.fit_equation
     monkeypatch.setattr(single, "fit_equation", counted)
     return made
-
-
-def warned(rec, model):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", mf.ModfunWarning)
-        fit = mf.fit(rec, model)
-    return fit, " ".join(str(one.message) for one in caught)
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,9 @@
 """What fits say where a rudder moved and is not in the model, or not in the record."""
 
-import warnings
-
 import modfun as mf
 import numpy as np
 import pytest
+from flights import warned
 from modfun.results.neighbours import absurd
 
 YAW = np.array([[-0.22, 0.07, -0.998, 0.14], [-8.5, -5.6, 1.8, 0], [3.3, -0.55, -1.0, 0], [0, 1, 0.07, 0]])
@@ -50,13 +49,6 @@ def swung(seed):
     y = mf.ss(a, b, np.eye(4), np.zeros((4, 2))).simulate(u=u, dt=0.01, intersample="foh")[:, ::2]
     y = y + 0.05 * y.std(axis=1, keepdims=True) * rng.standard_normal(y.shape)
     return mf.Record(dict(zip(STATES, y, strict=True)), {"da": u[0, ::2]}, dt=0.02, intersample="smooth")
-
-
-def warned(records, model, **options):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", mf.ModfunWarning)
-        fit = mf.fit(records, model, **options)
-    return fit, " ".join(str(one.message) for one in caught)
 
 
 def test_a_rudder_in_the_record_is_named_where_a_fit_without_it_has_no_estimate():

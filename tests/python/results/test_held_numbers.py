@@ -1,11 +1,11 @@
 """What fits say where a channel is in another unit or sign, a number is wrong, or an input was left out."""
 
-import warnings
 from dataclasses import replace
 
 import modfun as mf
 import numpy as np
 import pytest
+from flights import warned
 from modfun.results.held_numbers import OF_ANGLES, Number, _of_scales
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
@@ -54,13 +54,6 @@ def flown(system, outputs, inputs, seed, **scales):
     ys = {name: scales.get(name, 1) * row for name, row in zip(outputs, y, strict=True)}
     us = {name: scales.get(name, 1) * row for name, row in zip(inputs, u, strict=True)}
     return mf.Record(ys, us, dt=0.02, intersample="zoh")
-
-
-def warned(rec, model):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", mf.ModfunWarning)
-        fit = mf.fit(rec, model)
-    return fit, " ".join(str(one.message) for one in caught)
 
 
 @pytest.mark.parametrize("channel", ["beta", "p", "r", "phi"])

@@ -7,16 +7,10 @@ import modfun as mf
 import numpy as np
 import pytest
 import scipy
+from flights import SHORT, WRITTEN, off, warned
 from modfun.results.shifts import likeliest_shift
 
-TRUTH = {"Za": -0.9, "Ma": -5.2, "Mq": -1.4, "Zd": -0.12, "Md": -7.5}
 PLANT = mf.ss([[-0.9, 1], [-5.2, -1.4]], [[-0.12], [-7.5]], np.eye(2), np.zeros((2, 1)))
-SHORT = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
-WRITTEN = mf.Equation(
-    ["alpha' = Za*alpha + q + Zd*de + c1", "q' = Ma*alpha + Mq*q + Md*de + c2"],
-    outputs=["alpha", "q"],
-    inputs=["de"],
-)
 PARTS = 4  # of a sample, in which channels may be late
 
 
@@ -41,18 +35,6 @@ def flown(seed, nsr=0.02, dt=0.02, word="smooth", **late):
     return mf.Record(
         {name: rows[name] for name in ("alpha", "q")}, {"de": rows["de"]}, dt=dt, intersample=word
     )
-
-
-def warned(rec, model):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", mf.ModfunWarning)
-        fit = mf.fit(rec, model)
-    return fit, " ".join(str(one.message) for one in caught)
-
-
-def off(fit):
-    """Standard errors between the worst derivative and its true value."""
-    return max(abs(fit[name] - value) / fit.bse[name] for name, value in TRUTH.items())
 
 
 def cured(rec, text):

@@ -1,9 +1,8 @@
 """What fits of equations and state spaces warn of where the model lacks something, with the first cure."""
 
-import warnings
-
 import modfun as mf
 import numpy as np
+from flights import warned
 from modfun.results.diagnosis import growth
 from modfun.results.neighbours import EXTRA, neighbours
 from scipy.integrate import solve_ivp
@@ -11,14 +10,6 @@ from scipy.signal import lfilter, lsim
 
 A, B = np.array([[-0.9, 1], [-5.2, -1.4]]), np.array([[-0.12], [-7.5]])
 FREE = {"A": [["Za", 1], ["Ma", "Mq"]], "B": [["Zd"], ["Md"]], "states": ["alpha", "q"], "inputs": ["de"]}
-
-
-def warned(rec, model, **options):
-    """The fit, and its one warning."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", mf.ModfunWarning)
-        fit = mf.fit(rec, model, **options)
-    return fit, " ".join(str(one.message) for one in caught)
 
 
 def flown(lag, seed, pole=0.0):

@@ -1,15 +1,13 @@
 """A vane that lags or is late: what is advised runs as written, and its errors count that of the time."""
 
 import re
-import warnings
 
 import modfun as mf
 import numpy as np
 import pytest
+from flights import SHORT, off, warned
 from modfun.results.shifts import likeliest_shift
 
-TRUTH = {"Za": -0.9, "Ma": -5.2, "Mq": -1.4, "Zd": -0.12, "Md": -7.5}
-SHORT = mf.StateSpace([["Za", 1], ["Ma", "Mq"]], [["Zd"], ["Md"]], states=["alpha", "q"], inputs=["de"])
 DT, PARTS = 0.02, 10
 
 
@@ -42,18 +40,6 @@ def flown(seed, lag=0.0, late=0.0):
     rng = np.random.default_rng(seed)
     y = np.array([alpha, q])[:, ::PARTS] + np.radians(0.15) * rng.standard_normal((2, t[::PARTS].size))
     return mf.Record(y, u[::PARTS], dt=DT, outputs=["alpha", "q"], inputs=["de"], intersample="smooth")
-
-
-def warned(rec, model):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", mf.ModfunWarning)
-        fit = mf.fit(rec, model)
-    return fit, " ".join(str(one.message) for one in caught)
-
-
-def off(fit):
-    """Standard errors between the worst derivative and its true value."""
-    return max(abs(fit[name] - value) / fit.bse[name] for name, value in TRUTH.items())
 
 
 @pytest.mark.parametrize("seed", range(5))
