@@ -264,13 +264,20 @@ def _moved(records: Sequence[Record], structure: Any) -> bool:
     """Whether the outputs may stand elsewhere than at zero under the inputs' first values."""
     if isinstance(structure, TransferFunction):
         return any(np.any(rec.u[:, 0] != 0) for rec in records)
+    driven = any(np.any(structure.own_channels(rec).u[:, 0] != 0) for rec in records)
+    return driven or not _rests_at_zero(structure)
+
+
+def _rests_at_zero(structure: Any) -> bool:
+    """Whether equations hold, at any time, while all their signals are zero."""
     import sympy
 
-    compiled, zero = structure.compiled(), sympy.Integer(0)
-    own = {sympy.Symbol(name, real=True) for name in compiled.parameters}
-    still = [e.subs({s: zero for s in e.free_symbols - own}) for e in compiled.source]
-    driven = any(np.any(structure.own_channels(rec).u[:, 0] != 0) for rec in records)
-    return driven or any(e != 0 for e in still)
+    from ..equations.symbolic.compiled import time
+
+    compiled = structure.compiled()
+    own = {sympy.Symbol(name, real=True) for name in compiled.parameters} | {time, *compiled.known}
+    still = [e.subs({s: sympy.Integer(0) for s in e.free_symbols - own}) for e in compiled.source]
+    return all(sympy.simplify(e) == 0 for e in still)
 
 
 def _first_level(rec: Record, past: F64) -> F64:
@@ -318,10 +325,13 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
         )
     _refuse_kind(structure, options)
     if not isinstance(structure, TransferFunction) and structure.compiled().is_driven_by_time:
-        raise SpecError(
-            f"{told}: the equations change with time, so they rest in no state before the record; take "
-            'initial_state="unknown"'
-        )
+        constant = options.initial_state == "rest" or _trend(structure, options) is not None
+        if constant or not _rests_at_zero(structure):
+            raise SpecError(
+                f"{told}: the equations change with time, so they rest in no state before the record but, "
+                'where nothing else drives them, at zero; take initial_state="zero" without a trend if they '
+                'did, else "unknown"'
+            )
     if options.initial_state == "rest":
         return
     for k, rec in enumerate(records):
