@@ -18,7 +18,7 @@ from ..base.samples import numbered
 from ..base.tables import Table
 from ..errors import SpecError
 from ..language.parser import CONSTANTS, FUNCTIONS
-from ..models.free import Free
+from ..models.free import Free, bounds_meant
 from ..records.record import Record
 
 if TYPE_CHECKING:
@@ -413,7 +413,8 @@ def parameters_given(given: Any, names: Sequence[str], what: str) -> tuple[tuple
             continue
         if isinstance(value, bool) or not isinstance(value, int | float | np.number) or not isfinite(value):
             raise SpecError(
-                f"{what}: params[{name!r}]={value!r} must be a finite number (held there) or mf.Free(...)"
+                f"{what}: params[{name!r}]={value!r} must be a finite number (held there) or "
+                f"mf.Free(...){bounds_meant(value)}"
             )
         found.append((name, float(value)))
     return tuple(found)

@@ -9,7 +9,7 @@ from typing import Any
 from ..base.arguments import public, real
 from ..errors import SpecError
 
-__all__ = ["Free", "from_plain", "priors_of", "refuse_priors", "to_plain"]
+__all__ = ["Free", "bounds_meant", "from_plain", "priors_of", "refuse_priors", "to_plain"]
 
 
 @public
@@ -98,6 +98,14 @@ class Free:
         words += [] if self.max == inf else [f"max={self.max:g}"]
         words += [] if self.sd is None else [f"sd={self.sd:g}"]
         return f"Free({', '.join(words)})"
+
+
+def bounds_meant(value: Any) -> str:
+    """How a pair of numbers is written where it was meant as bounds; else nothing."""
+    match value:
+        case (int() | float() as low, int() | float() as high) if low < high:
+            return f", mf.Free(min={low:g}, max={high:g}) for bounds"
+    return ""
 
 
 def _number(name: str, value: Any) -> float:

@@ -18,7 +18,7 @@ from ..base.samples import numbered
 from ..errors import SpecError
 from ..systems.lti import LTI
 from ..systems.making import linear, tf
-from .free import Free
+from .free import Free, bounds_meant
 from .layout import Layout, routes
 from .transfer_words import (
     Delay,
@@ -392,9 +392,11 @@ def _laid_out(structure: TransferFunction, outputs: tuple[str, ...], inputs: tup
         )
     for what, own, have in (("output", structure.n_outputs, q), ("input", structure.n_inputs, k)):
         if own is not None and own != have and not (what == "input" and have == 0):
+            meant = bounds_meant(structure.delay)
             raise SpecError(
                 f"TransferFunction: made for {own} {what}(s), used with {have}; give zeros and delay, one "
                 f"per {what} of the record, or select its {what}s"
+                + (f"; delay={plain(structure.delay)} is one per input{meant}" if meant else "")
             )
     if not k and structure.n_inputs is not None:
         raise SpecError(

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.arguments import is_sequence, real
 from ..errors import SpecError
-from .free import Free
+from .free import Free, bounds_meant
 
 __all__ = [
     "MOST_POLES",
@@ -157,7 +157,8 @@ def params_of(given: Any) -> tuple[tuple[str, float | Free], ...]:
             number = float(value)
         except (TypeError, ValueError):
             raise SpecError(
-                f"TransferFunction: params[{name!r}]={value!r} must be a number (held there) or mf.Free(...)"
+                f"TransferFunction: params[{name!r}]={value!r} must be a number (held there) or "
+                f"mf.Free(...){bounds_meant(value)}"
             ) from None
         if not isfinite(number):
             raise SpecError(f"TransferFunction: params[{name!r}]={value!r} must be finite")

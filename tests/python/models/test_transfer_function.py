@@ -103,3 +103,13 @@ def test_numbers_in_and_out():
 def test_mistakes(make, said):
     with pytest.raises(mf.SpecError, match=said):
         make()
+
+
+def test_pairs_that_were_meant_as_bounds() -> None:
+    with pytest.raises(mf.errors.SpecError, match=r"or mf.Free\(...\), mf.Free\(min=0, max=5\) for bounds"):
+        mf.TransferFunction(poles=2, zeros=0, params={"a2": (0, 5)})
+    with pytest.raises(mf.errors.SpecError, match=r"mf.Free\(min=0, max=5\) for bounds"):
+        mf.Equation("y' + a*y = u", params={"a": (0, 5)})
+    late = mf.TransferFunction(poles=2, zeros=0, delay=(0, 0.5))
+    with pytest.raises(mf.errors.SpecError, match=r"one per input, mf.Free\(min=0, max=0.5\) for bounds"):
+        late.layout(("y",), ("u",))
