@@ -318,3 +318,9 @@ def test_a_batch_has_relative_noise_of_its_samples(batch):
         mf.Batch(y=batch.y[:4], sigma=np.ones((3, 1, 257)), **told)
     with pytest.raises(mf.DataError, match="not positive and finite"):
         mf.Batch(y=batch.y[:4], sigma=-level, **told)
+
+
+def test_a_number_is_answered_with_the_fit_of_one_record(batch):
+    many = mf.fit_many(batch, TF20)
+    with pytest.raises(mf.SpecError, match=r"FitMany: \[0\] is no parameter.* mf.fit\(records\[0\], model\)"):
+        many[0]
