@@ -191,8 +191,8 @@ class FitMany(Elsewhere):
         """Estimates of one parameter, (replicate,)."""
         if not isinstance(name, str):
             raise SpecError(
-                f"FitMany: [{name!r}] is no parameter, and fits of many records are kept as arrays: "
-                f"params[{name!r}] are the estimates of one; its whole fit is mf.fit(records[{name!r}], model)"
+                f"FitMany: [{name!r}] is no parameter, and fits of many records are kept as arrays: params"
+                f"[{name!r}] are the estimates of one; its whole fit is mf.fit(records[{name!r}], model)"
             )
         if name not in self.param_names:
             raise SpecError(f"there is no parameter {name!r}; {nearest(name, self.param_names)}")
