@@ -20,6 +20,7 @@ __all__ = ["FALSE_ALARM", "Search", "Searched", "penalties", "weights"]
 FALSE_ALARM = 0.01  # chance that any superfluous term of a library comes in
 COLOURINGS = 6  # weights from residuals, those of the whole library first
 ROUNDS = 12  # of likelihood and subsets
+LEAST = 1e-4  # residual variance over that of the levels: less is next to none
 MISFIT = 2.0  # times the cost: what was taken from the outputs was no noise
 FINALISTS, NEAR = 4, 4.0  # refitted by likelihood: how many, and how far above the best criterion
 
@@ -38,9 +39,9 @@ class Searched:
     moments : Subsets
         Of the chosen estimate; its costs are in units of the noise.
     scale : float
-        Residual variance of the whole library over that of the noise levels, at least 1.
+        Residual variance of the whole library over that of the noise levels; 1 where it is below by chance.
     excess : float
-        The same, however small.
+        The same, as it is.
     freedom : int
         Real equations less transient coefficients and candidates.
     coloured : bool
@@ -92,6 +93,8 @@ class Search:
         Rules of `Subsets`.
     high_df : float
         Degrees of freedom of the noise levels.
+    given : bool
+        Whether the levels were given, not read.
     tick : callable
         Called before each search of subsets.
     """
@@ -104,10 +107,12 @@ class Search:
         signs: Any,
         needs: Any,
         high_df: float,
+        given: bool,
         tick: Callable[[], None],
     ) -> None:
         self.lines, self.keep = lines, np.asarray(keep, dtype=bool)
         self.signs, self.needs, self.high_df, self.tick = signs, needs, high_df, tick
+        self.given = given
         rows = sum((2 * one.top + 1) * len(one.orders) - one.transient.shape[1] for one in lines)
         self.rows = rows
         self.penalty = penalties(self.keep, degrees, signs)
@@ -120,7 +125,7 @@ class Search:
         if np.isfinite(whole.cost):
             ends.append(self._walk(whole))
         first = best = self._better(ends)
-        coloured = first.excess > 1 and contradicts(first.excess, first.freedom, self.high_df)
+        coloured = self._contradicts(first.excess, first.freedom)
         if coloured:
             theta, which = whole.theta if np.isfinite(whole.cost) else best.moments.estimate(every), every
             for _ in range(COLOURINGS):
@@ -193,9 +198,17 @@ class Search:
         every = plain.independent
         freedom = self.rows - int(every.sum())
         excess = float(q.constant - q.right @ plain.estimate(every)) / freedom
-        scale = max(excess, 1.0)
+        scale = max(excess, LEAST) if excess > 1 or self._contradicts(excess, freedom) else 1.0
         moments = self._subsets(q.gram / scale, q.right / scale, q.constant / scale)
         return Searched(chosen, now, self._found(moments, [chosen]), moments, scale, excess, freedom)
+
+    def _contradicts(self, excess: float, freedom: int) -> bool:
+        """Whether residuals of the whole library are not what the levels say.
+
+        Below levels that were read they show signal in the high band, as of few samples per period. Levels
+        that are given may be larger on purpose.
+        """
+        return not (self.given and excess < 1) and contradicts(excess, freedom, self.high_df)
 
     def _better(self, ends: Sequence[Searched]) -> Searched:
         """The end of the lowest criterion, all in units of the same noise."""

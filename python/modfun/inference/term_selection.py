@@ -350,10 +350,14 @@ def _notes(library: Library, searched: Searched, noise: str | Noise, sampling: s
     elif searched.coloured:
         signed = ", or a sign is wrong" if any(library.signs) else ""
         origin = "given" if isinstance(noise, Noise) else "seen in the high band"
+        why = (
+            f"the noise is not white, or a term is missing from the library{signed}"
+            if searched.excess > 1
+            else "the high band has signal, too, as with few samples per period; sample faster where you can"
+        )
         notes.append(
-            f"The whole library leaves residuals {sqrt(searched.excess):.2f} times the noise {origin}: "
-            f"the noise is not white, or a term is missing from the library{signed}. The lines "
-            "were weighted by the residuals around them."
+            f"The whole library leaves residuals {sqrt(searched.excess):.3g} times the noise {origin}: "
+            f"{why}. The lines were weighted by the residuals around them."
         )
     bare = [
         left

@@ -141,7 +141,8 @@ def select_terms(
             step = next(steps)
             bar(step, max(SEARCHES, step + 1))
 
-        search = Search(lines, found.kept, found.degrees, found.signs, found.needs, high, tick)
+        given = isinstance(noise, Noise)
+        search = Search(lines, found.kept, found.degrees, found.signs, found.needs, high, given, tick)
         searched = search.run()
     if not np.isfinite(searched.estimate.cost):
         raise FitError(

@@ -537,3 +537,19 @@ def test_what_a_missing_state_leaves_is_not_taken_for_noise() -> None:
     assert chosen["criterion"] < 400
     assert {"x", "z"} <= set(found.terms["x'"])
     assert "a term is missing from the library" in str(found)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_few_samples_per_period_leave_every_term_in(seed: int) -> None:
+    """The high band of Lorenz's equations at 10 Hz is signal: -y in y' was thrown out in 10 of 10 records."""
+    truth = mf.Equation(
+        ["x' = 10*(y - x)", "y' = x*(28 - z) - y", "z' = x*y - 8*z/3"], outputs=["x", "y", "z"]
+    ).model({})
+    clean = truth.simulate(dt=0.1, intervals=400, initial_state=[-8, 7, 27])
+    noise = 0.01 * clean.std(axis=1, keepdims=True) * np.random.default_rng(seed).standard_normal(clean.shape)
+    rec = mf.Record(y=clean + noise, dt=0.1, outputs=["x", "y", "z"])
+    found = mf.select_terms(rec, "polynomials of x, y, z up to 2")
+    assert found.equation.texts == ("x' = c1*x + c2*y", "y' = c3*x + c4*y + c5*x*z", "z' = c6*z + c7*x*y")
+    assert "the high band has signal, too" in found.notes[1]
+    kept = mf.select_terms(rec, "polynomials of x, y, z up to 2", noise=mf.Noise(y=[1.2, 2.6, 3.3]))
+    assert "y" not in kept.terms["y'"]  # numbers that are given stay, also if large
