@@ -33,6 +33,8 @@ __all__ = ["find_state", "linear_columns", "simulate_equations", "slopes"]
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
 # First guesses of what is not measured, in units of the outputs' size.
 MULTIPLES = (0.0, 1.0, -1.0, 0.1, -0.1, 10.0, -10.0)
+LOST = 0.5  # of an output's motion left by a rough response: digits do not matter, and may take minutes
+FINE = 1e-9  # relative error of a step in the answer
 ROUGH = 1e-6  # relative error of integrations on the way
 STEP = 1e-6  # of a state's size: the difference that stands for its derivative
 SLOPE = 1e-4  # the same for integrations of their own steps
@@ -237,8 +239,10 @@ def find_state(
         )
     for length in lengths[1:]:
         z, _ = search.refine(z, length, rounds, NEARLY)
-    for rtol, tol in ((ROUGH, NEARLY), (1e-9, TOL)) if len(rec.outputs) > 1 else ((1e-9, TOL),):
-        search.weigh(z)
+    for rtol, tol in ((ROUGH, NEARLY), (FINE, TOL)) if len(rec.outputs) > 1 else ((FINE, TOL),):
+        left = search.weigh(z)
+        if rtol == FINE and left > LOST:
+            break
         search.rtol = rtol
         z, _ = search.refine(z, count, rounds, tol)
     here = search.at(z, count)  # DataError: it leaves all bounds, and says when
@@ -335,15 +339,16 @@ class _Search:
                 x[self.model.states.index(name + "'" * k)] = slope(0.0)
         return x
 
-    def weigh(self, z: F64) -> None:
-        """Weigh outputs by the residuals that z leaves."""
+    def weigh(self, z: F64) -> float:
+        """Weigh outputs by the residuals that z leaves; the largest of these in units of the motion."""
         try:
             e = self.own * (self.rec.y - self.at(z, self.rec.t.size).y)
         except DataError:
-            return
+            return 0.0
         level = np.sqrt(np.sum(e**2, axis=1) / np.maximum(np.count_nonzero(self.own, axis=1), 1))
         level = np.maximum(level, 1e-9 * np.max(np.abs(self.rec.y)))
         self.weights = self.own / level[:, None]
+        return float(np.max(level / np.maximum(self.rec.y.std(axis=1), 1e-300)))
 
     def at(self, z: F64, length: int) -> _Point:
         """Response, Jacobian and residuals, weighted, over the first samples."""
