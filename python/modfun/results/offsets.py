@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..base.arrays import F64
 from ..base.cached import kept
 from ..equations.equation import Equation
 from ..errors import ModfunError
@@ -78,7 +77,9 @@ def mean(fit: Estimates) -> Doubt | None:
             f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, the equation has no "
             f"constant, and no parameter is larger than its standard error. {_constant(fit)[0]}"
         )
-    if told := _bent(fit) or _settled(fit) or _off_zero(fit, spread):
+    if np.all(np.sqrt(np.diag(fit.noise_cov)) <= FINEST * spread):
+        return None  # what a search or rounding leaves of a record without noise
+    if told := _bent(fit) or _settled(fit) or _off_zero(fit):
         cure, after = _constant(fit)
         number = _number(fit)
         if number is None or not number.after < after - CLOSE:
@@ -96,11 +97,9 @@ def mean(fit: Estimates) -> Doubt | None:
     return None
 
 
-def _off_zero(fit: Estimates, spread: F64) -> str:
+def _off_zero(fit: Estimates) -> str:
     """That line 0 alone is far from what an equation makes of it."""
     at = [np.abs(piece[:, 0].real) for piece, (low, _) in zip(fit.pieces, fit.lines, strict=True) if low == 0]
-    if not np.any(np.sqrt(np.diag(fit.noise_cov)) > FINEST * spread):
-        return ""
     from scipy.special import stdtr
 
     # Residuals have unit variance; the degrees of freedom that this one leaves are those of the others.
