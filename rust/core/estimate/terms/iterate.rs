@@ -392,11 +392,24 @@ impl<'a> TermsProblem<'a> {
         tol: f64,
         maxiter: usize,
     ) -> Result<Ended, Error> {
+        self.iterate_while(theta, (weights, factors), tol, maxiter, |_| true)
+    }
+
+    /// The same, which ends before a step where there is no more to be found.
+    pub(super) fn iterate_while(
+        &mut self,
+        theta: Vec<f64>,
+        (weights, factors): (RowWeights, LeftColumns),
+        tol: f64,
+        maxiter: usize,
+        goes_on: impl Fn(&Descent<'_>) -> bool,
+    ) -> Result<Ended, Error> {
         let mut way = Descent::new(self.equations(), theta, (weights, factors), tol, maxiter);
         let mut need = Need::Cost;
         loop {
             need = match need {
                 Need::Cost => way.reached(self.criterion(way.point(), weights)?),
+                Need::Step if !goes_on(&way) => Need::Nothing,
                 Need::Step => {
                     self.jacobian(factors);
                     way.stepped(self.step(way.point()))
