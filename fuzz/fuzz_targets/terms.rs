@@ -102,6 +102,7 @@ fn duffing(b: &mut Bytes<'_>) -> Option<Equations> {
         noisy: vec![0],
         parameters: 3,
         starts: b.many(3, |b| b.rarely().then(|| b.number())),
+        near: b.rarely(),
         bounds: bounds(b, 3),
         linear: true,
     })
@@ -155,6 +156,7 @@ fn any(b: &mut Bytes<'_>, dt: f64) -> Option<Equations> {
         noisy,
         parameters,
         starts: b.many(parameters, |b| b.rarely().then(|| b.number())),
+        near: b.rarely(),
         bounds: bounds(b, parameters),
         linear,
     })

@@ -176,12 +176,25 @@ impl Tape {
         }
     }
 
-    /// Writes every result from number `first` on, one value a sample, into `out[k][..samples]`; `registers` is scratch.
+    /// Whether each result takes one of these inputs.
+    #[must_use]
+    pub fn takes(&self, input: impl Fn(usize) -> bool) -> Vec<bool> {
+        let mut takes = vec![false; self.ops.len()];
+        for (at, op) in self.ops.iter().enumerate() {
+            takes[at] = match *op {
+                Op::Input(k) => input(k),
+                _ => op.operands().any(|k| takes[k]),
+            };
+        }
+        self.outputs.iter().map(|k| takes[*k]).collect()
+    }
+
+    /// Writes the results that are wanted, one value a sample, into `out[k][..samples]`; `registers` is scratch.
     ///
     /// A missing input, or one of too few samples, reads as NaN.
     pub fn run(
         &self,
-        first: usize,
+        wanted: impl Fn(usize) -> bool,
         inputs: &[Input<'_>],
         samples: usize,
         registers: &mut Vec<f64>,
@@ -189,7 +202,7 @@ impl Tape {
     ) {
         registers.resize(self.ops.len() * TILE, 0.0);
         let mut used = vec![false; self.ops.len()];
-        self.outputs.iter().skip(first).for_each(|k| used[*k] = true);
+        self.outputs.iter().enumerate().for_each(|(k, at)| used[*at] |= wanted(k));
         for (at, op) in self.ops.iter().enumerate().rev() {
             op.operands().for_each(|k| used[k] |= used[at]);
         }
@@ -209,7 +222,8 @@ impl Tape {
             for at in (0..self.ops.len()).filter(|at| varies[*at]) {
                 self.operate(at, inputs, tile.clone(), registers);
             }
-            for (out, k) in out.iter_mut().zip(&self.outputs).skip(first) {
+            let each = out.iter_mut().zip(&self.outputs).enumerate();
+            for (_, (out, k)) in each.filter(|(k, _)| wanted(*k)) {
                 out[tile.clone()].copy_from_slice(self.operand(*k, inputs, &tile, registers));
             }
         }
@@ -345,9 +359,9 @@ mod tests {
         let mut out = vec![vec![0.0; 300]; 3];
         let mut scratch = Vec::new();
         let inputs = [Input::Series(&y), Input::Value(0.25)];
-        let run = |first, inputs: &[Input<'_>], out: &mut [Vec<f64>]| {
+        let run = |first: usize, inputs: &[Input<'_>], out: &mut [Vec<f64>]| {
             let mut out: Vec<&mut [f64]> = out.iter_mut().map(Vec::as_mut_slice).collect();
-            tape.run(first, inputs, 300, &mut Vec::new(), &mut out);
+            tape.run(|k| k >= first, inputs, 300, &mut Vec::new(), &mut out);
         };
         run(0, &inputs, &mut out);
         for (k, y) in y.iter().enumerate() {
@@ -360,6 +374,7 @@ mod tests {
         let mut last = vec![vec![7.0; 300]; 3];
         run(1, &inputs, &mut last);
         assert!(last[0] == [7.0; 300] && last[1..] == out[1..]);
+        assert_eq!(tape.takes(|input| input == 1), [true, false, false]);
         let mut cycle = vec![vec![0.0; 300]; 3];
         run(0, &[Input::Series(&y), Input::Cycle(&[0.25, 0.5])], &mut cycle);
         for (k, y) in y.iter().enumerate() {
@@ -383,7 +398,7 @@ mod tests {
     fn a_missing_input_is_not_a_number() {
         let tape = Tape::new(&[op("input", 0.0, 0, 0)], 1, vec![0]).unwrap();
         let mut out = [0.0; 3];
-        tape.run(0, &[Input::Series(&[1.0])], 3, &mut Vec::new(), &mut [&mut out]);
+        tape.run(|_| true, &[Input::Series(&[1.0])], 3, &mut Vec::new(), &mut [&mut out]);
         assert!(out.iter().all(|x| x.is_nan()));
     }
 }

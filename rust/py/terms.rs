@@ -51,6 +51,8 @@ struct GivenTerms {
     #[pyo3(item)]
     starts: Vec<Option<f64>>,
     #[pyo3(item)]
+    near: bool,
+    #[pyo3(item)]
     bounds: Vec<(f64, f64)>,
     #[pyo3(item)]
     linear: bool,
@@ -96,6 +98,7 @@ impl GivenTerms {
                 noisy: self.noisy,
                 parameters,
                 starts: self.starts,
+                near: self.near,
                 bounds: self.bounds,
                 linear: self.linear,
             },

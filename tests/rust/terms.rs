@@ -200,6 +200,7 @@ fn pair(h: f64) -> Equations {
         noisy: vec![0, 1],
         parameters: 4,
         starts: vec![None; 4],
+        near: false,
         bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); 4],
         linear: true,
     }

@@ -77,12 +77,14 @@ def prepare_equation(
     starts: Sequence[float | None] | None = None,
     within: tuple[tuple[float, float], ...] | None = None,
     less: bool = False,
+    near: bool = False,
 ) -> PreparedEquation:
     """What fits of equations share whatever the samples.
 
     `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins,
     None where it is free; `within`: their bounds instead of those of the equations; `less`: whether equations
-    have a known signal each, which is taken from them.
+    have a known signal each, which is taken from them; `near`: whether the starts are estimates of these
+    equations, beside which no others are tried.
 
     Raises
     ------
@@ -112,7 +114,7 @@ def prepare_equation(
     even = all([rec is None for rec in uneven]) and all([np.isscalar(step) for _, step in sampling])
     short = sum([samples for samples, _ in sampling]) <= LONGEST
     given = (layout, tuple(words.items()), sampling, None if levels is None else tuple(levels), within)
-    return _kept(*given) if even and short and starts is None else _made(*given, uneven, starts)
+    return _kept(*given) if even and short and starts is None else _made(*given, uneven, starts, near)
 
 
 def _made(
@@ -123,9 +125,10 @@ def _made(
     within: tuple[tuple[float, float], ...] | None,
     uneven: Sequence[F64 | None] = (),
     starts: Sequence[float | None] | None = None,
+    near: bool = False,
 ) -> PreparedEquation:
     """As `prepare_equation`; `sampling` holds the number of samples and the step (or times) a record."""
-    formulas = layout.formulas.words | ({} if starts is None else {"starts": list(starts)})
+    formulas = layout.formulas.words | ({} if starts is None else {"starts": list(starts), "near": near})
     formulas |= {} if within is None else {"bounds": list(within)}
     late = layout.longest_delay
     for _, step in sampling:
@@ -154,12 +157,14 @@ def fit_equation(
     levels: Sequence[float] | None = None,
     starts: Sequence[float] | None = None,
     less: Sequence[F64] = (),
+    near: bool = False,
 ) -> EquationFit:
     """One fit of equations, without its warnings.
 
     `again` makes others like it; `levels`: noise of the outputs where more is known than the high band shows;
     `starts`: values of the parameters from which the search begins; `less`: samples (equation, time) of each
-    record that are taken from the equations.
+    record that are taken from the equations; `near`: whether the starts are estimates of these equations,
+    from much the same samples.
     """
     refuse_unknown(options.noise, structure.inputs)
     records = tuple([structure.own_channels(with_inputs(rec, options.noise)) for rec in records])
@@ -171,7 +176,7 @@ def fit_equation(
             records,
             layout,
             options,
-            lambda own: fit_equation(records, structure, options, again, own, starts, less),
+            lambda own: fit_equation(records, structure, options, again, own, starts, less, near),
         )
         if alone is not None:
             return alone
@@ -185,9 +190,9 @@ def fit_equation(
     if within and starts is None:
         fitted = partial(fit_equation, levels=levels)
         centred = centred_starts(structure, layout, records, options, within, fitted)
-        if centred and (fit := sought_from(centred, None)).success:
+        if centred and (fit := sought_from(centred, None, near=True)).success:
             return fit
-    sought = partial(sought_from, starts)
+    sought = partial(sought_from, starts, near=near)
     if within and starts and any(not a <= x <= b for x, (a, b) in zip(starts, within, strict=True)):
         within = None  # a start that was found farther out
     fit = sought(within)
@@ -227,8 +232,12 @@ def _sought(
     within: tuple[tuple[float, float], ...] | None,
     learnt: bool = True,
     less: Sequence[F64] = (),
+    near: bool = False,
 ) -> EquationFit:
-    """The fit within bounds, those of the equations where None; `learnt`: whether levels of noise may be."""
+    """The fit within bounds, those of the equations where None; `learnt`: whether levels of noise may be.
+
+    Where the search from `near` starts does not settle, it begins from others, too.
+    """
     filled = [(rec, *bridged(rec)) for rec in records]
     order = max(layout.orders)
     uneven = [variances(rec, off, noise, order) for rec, _, off, noise in filled]
@@ -242,9 +251,8 @@ def _sought(
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
         shown = seen if levels is None else list(levels)
         learns = learn and learnt
-        made = prepare_equation(
-            structure, options, records, spread, shown, learns, starts, within, bool(len(less))
-        )
+        given = (structure, options, records, spread, shown, learns, starts, within, bool(len(less)))
+        made = prepare_equation(*given, near)
         rows = [
             layout.formulas.rows(y, driving(rec), rec.t, record=k)
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))
@@ -252,8 +260,12 @@ def _sought(
         _refuse_not_finite(layout, rows)
         if len(less):
             rows = [np.vstack(both) for both in zip(rows, less, strict=True)]
-            made = replace(made, layout=layout)
-        return _of_found(made.core.fit(rows), structure, made, options, records, blurred, again)
+        found = made.core.fit(rows)
+        if near and found["status"] != "ok":
+            made = prepare_equation(*given)
+            found = made.core.fit(rows)
+        made = replace(made, layout=layout)  # that of `less` has a signal more
+        return _of_found(found, structure, made, options, records, blurred, again)
 
     outputs = [y for _, y, _, _ in filled]
     quiet = learns and _quiet(records, order)

@@ -12,13 +12,13 @@ from ..equations.layout import EquationLayout
 from ..errors import DataError
 from ..records.record import Record
 from ..results.diagnosis import level_ratio
+from ..results.refits import AWAY
 from .scales import sizes
 
 __all__ = ["AWAY", "compared", "restarted", "settled_within"]
 
 FACTOR = 10.0  # of a size either way
 SMALLER = 5.0  # than its size: what a signal is compared with, as a half-saturation
-AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
 
 Bounds = tuple[tuple[float, float], ...]
 

@@ -33,10 +33,12 @@ def fit_quietly(
     options: Options,
     starts: Sequence[float] | None = None,
     unfolded: bool = False,
+    near: bool = False,
 ) -> Fit:
     """One fit without its warnings.
 
-    `starts`: where the search of an equation's parameters begins; `unfolded`: whether what sampling folds is
+    `starts`: where the search of an equation's parameters begins; `near`: whether these are estimates
+    of the same equations; `unfolded`: whether what sampling folds is
     out of the outputs already, as another fit told.
     """
     refuse_uneven(records)
@@ -45,7 +47,7 @@ def fit_quietly(
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
         return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
     if not isinstance(structure, TransferFunction):
-        few = fit_equation(records, structure, options, fit_quietly, starts=starts)
+        few = fit_equation(records, structure, options, fit_quietly, starts=starts, near=near)
         if starts is None:  # begun beside an answer, whose signs are settled
             few = settled(few, lambda made: fit_equation(records, made, options, fit_quietly))
         enough = equations_on_enough_lines(equations_on_fewer_lines(few, fit_equation), fit_equation)
@@ -79,15 +81,16 @@ def fit_from(fit: Fit, structure: TransferFunction, options: Options) -> Fit | N
     return from_response(fit, options, refit)
 
 
-def fit_whole(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+def fit_whole(records: tuple[Record, ...], structure: Any, options: Options, **starts: Any) -> Fit:
     """The same with samples weighted and poles kept stable where the options say so.
 
-    Fits of a result that is there, `Fit.again`, are without: its records hold the weights.
+    Fits of a result that is there, `Fit.again`, are without: its records hold the weights. `starts`: as
+    those of `fit_quietly`, where samples are not weighted.
     """
     if options.robust:
         fit: Fit = robust_fit(records, structure, options, fit_quietly)
     else:
-        fit = fit_quietly(records, structure, options)
+        fit = fit_quietly(records, structure, options, **starts)
     return fit.stable() if options.stable and fit.usable else fit
 
 

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from math import nan
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ from ..results.estimates import Estimates
 from ..results.feedback import feedback
 from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
+from ..results.refits import starts_beside
 from ..results.undeclared import POSITIVE
 from .by_samples import lower_by_samples
 
@@ -41,7 +43,9 @@ __all__ = [
     "read_as",
 ]
 
-FitOnce = Callable[[tuple[Record, ...], Any, Options], Fit]
+FitOnce = Callable[
+    ..., Fit
+]  # of records, a structure and options; of equations also with `starts` and `near`
 
 FEW = 4  # records that are asked where each of many is fitted by itself
 
@@ -297,7 +301,13 @@ def _on_bands(
 ) -> list[Fit | None]:
     """Fits of the problems read so, each on the band of its fit."""
     return [
-        _fit(read_as(records, words), structure, on_band(fit, fit.band), fit_once)
+        _fit(
+            read_as(records, words),
+            structure,
+            on_band(fit, fit.band),
+            fit_once,
+            starts_beside(fit, structure),
+        )
         for records, fit in zip(problems, fits, strict=True)
     ]
 
@@ -360,10 +370,16 @@ def _fed_back(fit: Fit) -> bool:
     return found is not None and found.p_value < UNLIKELY
 
 
-def _fit(records: Any, structure: Any, options: Options, fit_once: FitOnce) -> Fit | None:
+def _fit(
+    records: Any,
+    structure: Any,
+    options: Options,
+    fit_once: FitOnce,
+    starts: Mapping[str, Any] = MappingProxyType({}),
+) -> Fit | None:
     """A fit with an answer; what is wrong without one, the fit of the user says."""
     try:
-        fit = fit_once(records, structure, options)
+        fit = fit_once(records, structure, options, **starts)
     except ModfunError:
         return None
     return fit if fit.usable else None

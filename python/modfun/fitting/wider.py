@@ -72,7 +72,7 @@ def equations_on_more_lines(fit: EquationFit, refit: Callable[..., EquationFit])
         options = on_band(found, (found.band[0], edge))
         starts = None if found.at_bound else found.params.tolist()
         try:
-            wider = refit(records, fit.structure, options, fit.again, starts=starts)
+            wider = refit(records, fit.structure, options, fit.again, starts=starts, near=starts is not None)
         except ModfunError:  # as of samples that leave too few lines
             break
         if not gains(found, wider):

@@ -27,6 +27,7 @@ from ..results.diagnosis import growth
 from ..results.fit import Fit
 from ..results.many import FitMany
 from ..results.prediction import InitialState
+from ..results.refits import starts_beside
 from .bootstrap_noise import chosen, levels_in_time, white, wild
 
 __all__ = ["Bootstrap", "bootstrap"]
@@ -391,6 +392,7 @@ def _refit(
             tuple(rec._like(y=y) for rec, y in zip(records, own, strict=True)),
             structure,
             held,
+            **starts_beside(fit, structure),
         )
         for structure, *own in zip(structures, *ys, strict=True)
     ]

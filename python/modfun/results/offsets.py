@@ -174,7 +174,7 @@ def with_constant(fit: Estimates) -> Estimates | None:
     if fit.again is None or fit.records is None:
         return None
     options = on_band(fit, fit.band).replace(trend="constant")
-    other = again(fit, fit.records, fit.structure, options)
+    other = again(fit, fit.records, fit.structure, options, near=True)
     return other if other is not None and other.params.shape == fit.params.shape else None
 
 
@@ -205,7 +205,7 @@ def _number(fit: Estimates) -> _Numbered | None:
             other = model._like(text=texts, params={**dict(model.params), EXTRA: Free()})
         except ModfunError:
             continue
-        made = again(fit, fit.records, other, on_band(fit, fit.band).replace(trend=fit.trend))
+        made = again(fit, fit.records, other, on_band(fit, fit.band).replace(trend=fit.trend), near=True)
         if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
             continue
         factor, error = 1 + made[EXTRA], float(made.bse[made.param_names.index(EXTRA)])
@@ -276,7 +276,7 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
     best = min(other, before) - CLOSE
     for x, structure, _ in with_offset(fit.structure):
         for trend in dict.fromkeys((fit.trend, "constant")):
-            made = again(fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend))
+            made = again(fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend), near=True)
             if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
                 continue
             if abs(made[EXTRA]) > ABSURD * max(float(np.nanmax(np.abs(rec[x]))) for rec in fit.records):

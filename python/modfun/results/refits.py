@@ -8,11 +8,13 @@ from ..equations.equation import Equation
 from ..equations.layout import layout_of
 from ..models.free import Free
 from ..records.forms import forms_of
+from .diagnosis import level_ratio
 from .estimates import Estimates
 from .neighbours import EXTRA
 
-__all__ = ["lengthy", "starts_beside"]
+__all__ = ["AWAY", "lengthy", "starts_beside"]
 
+AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
 LENGTHY = 1000  # operations per sample, of formulas that take half a second to fit
 
 
@@ -22,10 +24,11 @@ def lengthy(fit: Estimates) -> bool:
     return formulas is not None and len(formulas.words["formulas"][0]) > LENGTHY
 
 
-def starts_beside(fit: Estimates, structure: Any) -> dict[str, list[float]]:
+def starts_beside(fit: Estimates, structure: Any) -> dict[str, Any]:
     """The estimates as `starts` of equations that need a search; none of a delay, whose minima are many.
 
-    A search from afar took up to a hundred times as long, for each of some thirty terms.
+    A search from afar took up to a hundred times as long, for each of some thirty terms. `near` besides:
+    whether no other starts are tried, as beside estimates of the same equations that leave little but noise.
     """
     if not hasattr(fit.layout, "formulas") or not isinstance(structure, Equation):
         return {}
@@ -38,7 +41,10 @@ def starts_beside(fit: Estimates, structure: Any) -> dict[str, list[float]]:
         return {}
     own, told = dict(zip(fit.param_names, fit.params.tolist(), strict=True)), dict(structure.params)
     names = structure.param_names(fit.inputs, fit.outputs)
-    return {"starts": [own.get(name, _first(told.get(name))) for name in names]}
+    starts = [own.get(name, _first(told.get(name))) for name in names]
+    same = isinstance(fit.structure, Equation) and structure.texts == fit.structure.texts
+    near = same and {*names} <= {*own} and fit.success and not fit.at_bound and not level_ratio(fit) > AWAY
+    return {"starts": starts, "near": near}
 
 
 def _first(told: Any) -> float:

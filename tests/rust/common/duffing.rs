@@ -83,6 +83,7 @@ pub fn equations(rule: Rule) -> Equations {
         noisy: vec![0],
         parameters: 3,
         starts: vec![None; 3],
+        near: false,
         bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); 3],
         linear: true,
     }

@@ -90,6 +90,7 @@ fn equations(
         noisy,
         parameters,
         starts: vec![None; parameters],
+        near: false,
         bounds: vec![(f64::NEG_INFINITY, f64::INFINITY); parameters],
         linear: true,
     }

@@ -438,6 +438,7 @@ class _Writer:
             "channels": len(channels),
             "noisy": [symbols.index(c) for c in noise],
             "starts": [f.start for f in free],
+            "near": False,
             "bounds": [(f.min, f.max) for f in free],
             "priors": [(k, *f.prior) for k, f in enumerate(free) if f.prior],
             "linear": linear,

@@ -10,6 +10,8 @@ use crate::threads::stopped;
 const FREE_STEPS: u32 = 2;
 /// Halvings of a step that does not lower the cost.
 const HALVINGS: usize = 10;
+/// A step that lowers the cost by no more than this part of it stalls.
+const STALLED: f64 = 0.01;
 /// A cost that rises by no more than this part of itself has not risen.
 const LEVEL: f64 = 1e-9;
 
@@ -74,6 +76,8 @@ pub(super) struct Descent<'a> {
     maxiter: usize,
     theta: Vec<f64>,
     cost: f64,
+    /// The cost before the last step.
+    before: f64,
     nit: u32,
     at_bound: Vec<bool>,
     status: Status,
@@ -115,6 +119,7 @@ impl<'a> Descent<'a> {
             tol,
             maxiter,
             cost: f64::NAN,
+            before: f64::INFINITY,
             nit: 0,
             at_bound: vec![false; theta.len()],
             status: Status::MaxIter,
@@ -161,7 +166,7 @@ impl<'a> Descent<'a> {
                     return Need::Cost;
                 }
                 self.theta.clone_from(&self.next);
-                self.cost = cost;
+                (self.before, self.cost) = (self.cost, cost);
                 if self.moved * self.size < self.tol {
                     return self.end(Status::Ok);
                 }
@@ -181,6 +186,12 @@ impl<'a> Descent<'a> {
         self.by.clone_from(&step.by);
         (self.moved, self.size, self.tried) = (step.moved, 1.0, 0);
         self.try_step()
+    }
+
+    /// The cost where it stands, if the last step hardly lowered it.
+    pub fn stalled(&self) -> Option<f64> {
+        let stalls = self.nit > FREE_STEPS && self.cost > (1.0 - STALLED) * self.before;
+        stalls.then_some(self.cost)
     }
 
     pub fn ended(self) -> Ended {

@@ -225,7 +225,7 @@ impl<'a> Block<'a> {
             |(problem, ended): (&TermsProblem<'_>, &Ended)| problem.stands_at(&ended.theta);
         if !self.problems.iter().zip(ended).all(stands) {
             for (lane, (problem, ended)) in self.problems.iter_mut().zip(ended).enumerate() {
-                problem.set(&ended.theta)?;
+                problem.set(&ended.theta, RowWeights::Flat)?; // the rows stand in the eight
                 self.eight.set(lane, problem.values());
             }
             self.evaluate();
@@ -261,7 +261,7 @@ impl<'a> Block<'a> {
         while waits(&ways, Need::Cost) {
             for (lane, (problem, way)) in self.problems.iter_mut().zip(&ways).enumerate() {
                 if let Some((way, Need::Cost)) = way {
-                    problem.set(way.point())?;
+                    problem.set(way.point(), RowWeights::Flat)?;
                     self.eight.set(lane, problem.values());
                 }
             }

@@ -66,6 +66,8 @@ pub struct Equations {
     pub parameters: usize,
     /// Where the search begins, if given.
     pub starts: Vec<Option<f64>>,
+    /// Whether the starts are estimates of these equations, so that no others are tried.
+    pub near: bool,
     /// Least and most of each parameter.
     pub bounds: Vec<(f64, f64)>,
     /// Whether every g is linear in θ, and no signal depends on it.
@@ -126,6 +128,11 @@ impl Equations {
             ));
         }
         Ok(())
+    }
+
+    /// The starts that no others are tried beside, where there is one of each parameter.
+    pub(crate) fn near(&self) -> Option<Vec<f64>> {
+        self.starts.iter().copied().collect::<Option<_>>().filter(|_| self.near)
     }
 
     /// Longest delay in seconds.

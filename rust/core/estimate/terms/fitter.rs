@@ -216,7 +216,7 @@ impl TermsFitter {
         sigmas: &[Sigma],
         ranges: &[Range],
     ) -> Result<Option<Vec<f64>>, Error> {
-        if !self.looks_on_few(ranges) {
+        if !self.looks_on_few(ranges) || self.o.equations.near().is_some() {
             return Ok(None);
         }
         let Ok(mut few) =

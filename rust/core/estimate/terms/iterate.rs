@@ -12,7 +12,7 @@
 use super::complex::Split;
 use super::descent::{Descent, Ended, Need, Step};
 use super::equations::Equations;
-use super::lines::{LinesWorkspace, Place};
+use super::lines::{LinesWorkspace, Part, Parts, Place};
 use super::plan::{TermsFitter, TermsRecord};
 use super::rows::{Eight, Shared, Spot, TermsWorkspace};
 use super::sigma::Sigma;
@@ -51,13 +51,27 @@ pub(crate) struct TermsProblem<'a> {
     factor: Columns,
 }
 
-/// What of the spectra is made of the samples that count now.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Loaded {
-    Nothing,
-    /// All but the pairs, whose slopes are to be taken elsewhere.
-    Signals,
-    All,
+/// What of the spectra is made of the samples, and the noise, that count now.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Loaded {
+    signals: bool,
+    pairs: bool,
+}
+
+impl Loaded {
+    /// What is to be made for rows of such weights: flat ones need no covariance.
+    fn missing(self, moves: bool, weights: RowWeights) -> Parts {
+        let part = |loaded: bool| match (loaded, moves) {
+            (false, _) => Part::All,
+            (true, true) => Part::Moving,
+            (true, false) => Part::Nothing,
+        };
+        let pairs = match weights {
+            RowWeights::Flat => Part::Nothing,
+            RowWeights::Adapted => part(self.pairs),
+        };
+        Parts { signals: part(self.signals), pairs }
+    }
 }
 
 impl<'a> TermsProblem<'a> {
@@ -81,7 +95,7 @@ impl<'a> TermsProblem<'a> {
             residual: Vec::new(),
             stands: None,
             theta: Vec::new(),
-            loaded: Loaded::Nothing,
+            loaded: Loaded::default(),
             clean: Vec::new(),
             step: Step::default(),
             factor: Columns::new(fitter.isa, 0, 0),
@@ -99,7 +113,7 @@ impl<'a> TermsProblem<'a> {
     /// Other noise from now on.
     pub fn set_sigmas(&mut self, sigmas: Vec<Sigma>) {
         self.sigmas = sigmas;
-        self.loaded = Loaded::Nothing;
+        self.loaded = Loaded::default();
         self.stands = None;
     }
 
@@ -137,12 +151,12 @@ impl<'a> TermsProblem<'a> {
         TermsWorkspace { space: self.space, spots: self.spots }
     }
 
-    /// Coefficients and, where they depend on it, signals at θ.
-    pub fn set(&mut self, theta: &[f64]) -> Result<(), Error> {
+    /// Coefficients and, where they depend on it, signals at θ, with what rows of such weights take of these.
+    pub fn set(&mut self, theta: &[f64], weights: RowWeights) -> Result<(), Error> {
         let e = self.equations();
         e.coefficients.values(theta, &mut self.registers, &mut self.values);
-        let moves = e.moves();
-        if self.loaded == Loaded::All && !moves {
+        let parts = self.loaded.missing(e.moves(), weights);
+        if parts == (Parts { signals: Part::Nothing, pairs: Part::Nothing }) {
             return Ok(());
         }
         for (s, lag) in self.lags.iter_mut().enumerate() {
@@ -157,12 +171,10 @@ impl<'a> TermsProblem<'a> {
                 clean: self.clean.get(k).map_or(&[], Vec::as_slice),
             };
             let (isa, pairs, space) = (self.fitter.isa, &self.fitter.pairs, &mut self.space);
-            match self.loaded == Loaded::Signals && !moves {
-                true => plan.load_slopes(isa, e, pairs, &at, space, &mut spot.spectra)?,
-                false => plan.load(isa, e, pairs, &at, space, &mut spot.spectra)?,
-            }
+            plan.load(isa, e, pairs, &at, parts, space, &mut spot.spectra)?;
         }
-        self.loaded = Loaded::All;
+        self.loaded.signals = true;
+        self.loaded.pairs |= weights == RowWeights::Adapted;
         Ok(())
     }
 
@@ -173,18 +185,16 @@ impl<'a> TermsProblem<'a> {
         self.cost(theta, RowWeights::Adapted)?;
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let mut clean = Vec::with_capacity(self.spots.len());
-        // The cost of one record was just made from these formulas.
-        let fresh = self.spots.len() == 1 && self.clean.is_empty();
         let own = self.fitter.records.iter().zip(self.records).zip(&mut self.spots);
         for (((plan, record), spot), sigma) in own.zip(&self.sigmas) {
             spot.find_sources(isa, pairs);
             let at = Place { channels: &record.channels, sigma, theta, clean: &[] };
             let lines = (spot.lines.count(), spot.lines.first);
             let (sources, space) = (&spot.sources, &mut self.space);
-            clean.push(plan.denoised(isa, e, pairs, &at, sources, lines, fresh, space));
+            clean.push(plan.denoised(isa, e, pairs, &at, sources, lines, space));
         }
         self.clean = clean;
-        self.loaded = Loaded::Signals;
+        self.loaded.pairs = false; // their slopes are taken elsewhere
         self.stands = None;
         Ok(())
     }
@@ -196,7 +206,7 @@ impl<'a> TermsProblem<'a> {
             *lag = e.lag(s, &[]);
         }
         eight.give_signals(lane, &mut self.spots[0]);
-        self.loaded = Loaded::All;
+        self.loaded = Loaded { signals: true, pairs: false };
     }
 
     /// What was taken last as its cost is none any more.
@@ -210,7 +220,7 @@ impl<'a> TermsProblem<'a> {
             Some((own, cost)) if own == weights && self.theta == theta => return Ok(cost),
             _ => self.stands = None,
         }
-        self.set(theta)?;
+        self.set(theta, weights)?;
         let (isa, e, pairs) = (self.fitter.isa, self.equations(), &self.fitter.pairs);
         let g = &self.values[..e.terms.len()];
         let each = self.spots.iter_mut();
@@ -253,7 +263,7 @@ impl<'a> TermsProblem<'a> {
             clean: self.clean.get(record).map_or(&[], Vec::as_slice),
         };
         let (plan, spot) = (&self.fitter.records[record], &mut self.spots[record]);
-        plan.load(isa, e, pairs, &at, &mut self.space, &mut spot.spectra)?;
+        plan.load(isa, e, pairs, &at, Parts::ALL, &mut self.space, &mut spot.spectra)?;
         let g = &self.values[..e.terms.len()];
         Ok(spot.evaluate(isa, e, pairs, g, &self.lags, RowWeights::Adapted))
     }
@@ -382,11 +392,24 @@ impl<'a> TermsProblem<'a> {
         tol: f64,
         maxiter: usize,
     ) -> Result<Ended, Error> {
+        self.iterate_while(theta, (weights, factors), tol, maxiter, |_| true)
+    }
+
+    /// The same, which ends before a step where there is no more to be found.
+    pub(super) fn iterate_while(
+        &mut self,
+        theta: Vec<f64>,
+        (weights, factors): (RowWeights, LeftColumns),
+        tol: f64,
+        maxiter: usize,
+        goes_on: impl Fn(&Descent<'_>) -> bool,
+    ) -> Result<Ended, Error> {
         let mut way = Descent::new(self.equations(), theta, (weights, factors), tol, maxiter);
         let mut need = Need::Cost;
         loop {
             need = match need {
                 Need::Cost => way.reached(self.criterion(way.point(), weights)?),
+                Need::Step if !goes_on(&way) => Need::Nothing,
                 Need::Step => {
                     self.jacobian(factors);
                     way.stepped(self.step(way.point()))

@@ -3,6 +3,7 @@
 
 mod bend;
 mod eight;
+mod parts;
 
 use std::sync::OnceLock;
 
@@ -20,6 +21,8 @@ use crate::simd::{Isa, LANES};
 use crate::spectrum::{CoefficientPlan, Kind, Scratch};
 use crate::tape::Input;
 pub(crate) use eight::{Both, EightSpectra, EightWorkspace};
+use parts::Moving;
+pub(crate) use parts::{Part, Parts};
 
 /// Lines to either side over which power is averaged, and how many times the noise it must be to be signal.
 const SPREAD: usize = 4;
@@ -75,6 +78,8 @@ pub(crate) struct Pairs {
     pub couples: Vec<Vec<Couple>>,
     /// The sensitivities of both signals that are multiplied, a pair: (first, second).
     products: Vec<Vec<(usize, usize)>>,
+    /// Signals and pairs that change with θ.
+    moving: Moving,
 }
 
 /// Noisy signals of two equations that have noise in common, each by its place among the loads, and their pair.
@@ -152,7 +157,8 @@ impl Pairs {
                 each.filter_map(couple).collect()
             })
             .collect();
-        Pairs { noisy, of, couples, place, products }
+        let moving = Moving::new(e, &products);
+        Pairs { noisy, of, couples, place, products, moving }
     }
 }
 
@@ -205,22 +211,34 @@ impl TermsRecordPlan {
         Lines { first, last, omega0: self.window.omega0, unit_variance }
     }
 
-    /// Coefficients of all signals, and of all pairs of sensitivities, at θ.
+    /// Coefficients of signals, and of pairs of sensitivities, at θ: all of them, or those that change with it.
+    #[allow(clippy::too_many_arguments)]
     pub fn load(
         &self,
         isa: Isa,
         e: &Equations,
         pairs: &Pairs,
         at: &Place<'_>,
+        parts: Parts,
         space: &mut LinesWorkspace,
         out: &mut Spectra,
     ) -> Result<(), Error> {
-        self.formulas(e, at, &[], space);
+        let signals = |s: usize| pairs.moving.signal(s, parts.signals);
+        let slopes = |k: usize| pairs.moving.slope(k, parts.pairs);
+        let together = at.clean.is_empty();
+        let first = e.signals.len();
+        if together {
+            let wanted = |k: usize| if k < first { signals(k) } else { slopes(k - first) };
+            self.formulas(e, at, &[], wanted, space);
+        } else {
+            // The signals themselves are those of the samples as they are.
+            self.formulas(e, at, &[], |k| k < first && signals(k), space);
+        }
         let count = self.highest + 1;
         space.re.resize(count, 0.0);
         space.im.resize(count, 0.0);
         out.signals.resize_with(e.signals.len(), Split::default);
-        for (s, signal) in e.signals.iter().enumerate() {
+        for (s, signal) in e.signals.iter().enumerate().filter(|(s, _)| signals(*s)) {
             let late;
             let plan = match signal.lag {
                 Lag::Known(_) => &self.plans[s],
@@ -240,33 +258,21 @@ impl TermsRecordPlan {
             }
             out.signals[s].copy(&space.re, &space.im);
         }
-        if at.clean.is_empty() {
-            return self.correlate(isa, e, pairs, at, space, out);
+        if !together {
+            self.formulas(e, at, at.clean, |k| k >= first && slopes(k - first), space);
         }
-        self.load_slopes(isa, e, pairs, at, space, out)
+        self.correlate(isa, e, pairs, at, parts.pairs, space, out)
     }
 
-    /// The pairs of sensitivities alone, taken at channels that noise has been taken from.
-    pub fn load_slopes(
-        &self,
-        isa: Isa,
-        e: &Equations,
-        pairs: &Pairs,
-        at: &Place<'_>,
-        space: &mut LinesWorkspace,
-        out: &mut Spectra,
-    ) -> Result<(), Error> {
-        self.formulas(e, at, at.clean, space);
-        self.correlate(isa, e, pairs, at, space, out)
-    }
-
-    /// R of all pairs, of the sensitivities that stand in the workspace.
+    /// R of pairs, of the sensitivities that stand in the workspace.
+    #[allow(clippy::too_many_arguments)]
     fn correlate(
         &self,
         isa: Isa,
         e: &Equations,
         pairs: &Pairs,
         at: &Place<'_>,
+        part: Part,
         space: &mut LinesWorkspace,
         out: &mut Spectra,
     ) -> Result<(), Error> {
@@ -275,7 +281,9 @@ impl TermsRecordPlan {
         out.white.resize(pairs.products.len(), false);
         out.apart.resize(pairs.products.len(), false);
         let each = out.pairs.iter_mut().zip(&mut out.white).zip(&mut out.apart);
-        for (((out, white), apart), list) in each.zip(&pairs.products) {
+        let each = each.zip(&pairs.products).enumerate();
+        for (_, (((out, white), apart), list)) in each.filter(|(k, _)| pairs.moving.pair(*k, part))
+        {
             let common = |(a, b): &(usize, usize)| {
                 at.sigma.get(e.sensitivities[*a].1, e.sensitivities[*b].1) != 0.0
             };
@@ -296,12 +304,14 @@ impl TermsRecordPlan {
         Ok(())
     }
 
-    /// Signals and sensitivities, sample by sample; where noisy channels are given without noise, the sensitivities there.
+    /// Those signals and sensitivities that are wanted, sample by sample, where noisy channels are given without noise
+    /// there.
     fn formulas(
         &self,
         e: &Equations,
         at: &Place<'_>,
         clean: &[Vec<f64>],
+        wanted: impl Fn(usize) -> bool,
         space: &mut LinesWorkspace,
     ) {
         space.results.resize_with(e.samples.results(), Vec::new);
@@ -314,15 +324,12 @@ impl TermsRecordPlan {
         }
         let values = at.sigma.numbers().iter().chain(at.theta).map(|v| Input::Value(*v));
         let inputs: Vec<Input<'_>> = own.iter().map(|c| Input::Series(c)).chain(values).collect();
-        // The signals themselves are those of the samples as they are.
-        let first = if clean.is_empty() { 0 } else { e.signals.len() };
         let mut out: Vec<&mut [f64]> = space.results.iter_mut().map(Vec::as_mut_slice).collect();
-        e.samples.run(first, &inputs, self.samples, &mut space.registers, &mut out);
+        e.samples.run(wanted, &inputs, self.samples, &mut space.registers, &mut out);
     }
 
     /// Noisy channels without the noise that explains the residuals best, v̂ = ΣLᵀλ; `sources` holds Σ over
-    /// equations of conj(L)λ of each noisy signal on `count` lines from `first` on. `fresh`: the workspace holds the
-    /// formulas of this record.
+    /// equations of conj(L)λ of each noisy signal on `count` lines from `first` on.
     #[allow(clippy::too_many_arguments)]
     pub fn denoised(
         &self,
@@ -332,12 +339,9 @@ impl TermsRecordPlan {
         at: &Place<'_>,
         sources: &[Split],
         (count, first): (usize, usize),
-        fresh: bool,
         space: &mut LinesWorkspace,
     ) -> Vec<Vec<f64>> {
-        if !fresh {
-            self.formulas(e, at, &[], space);
-        }
+        self.formulas(e, at, &[], |k| k >= e.signals.len(), space);
         let lead = self.window.lead;
         let mut clean: Vec<Vec<f64>> = e.noisy.iter().map(|c| at.channels[*c].to_vec()).collect();
         for (s, own) in pairs.noisy.iter().zip(sources) {

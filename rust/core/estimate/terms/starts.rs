@@ -2,11 +2,11 @@
 
 use std::cmp::Ordering;
 
-use super::descent::{Ended, lower, usable};
+use super::descent::{Descent, Ended, lower, usable};
 use super::equations::Equations;
 use super::iterate::TermsProblem;
 
-use crate::error::Error;
+use crate::error::{Error, Status};
 use crate::estimate::band::SAME;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 
@@ -20,6 +20,10 @@ const DECADES: f64 = 2.0;
 const BENT: f64 = 0.5;
 /// Least part of its bounds that a start takes of what is not negative.
 const SMALLEST: f64 = 1e-3;
+/// A start that stalls at so many times the lowest cost is left.
+const HIGH: f64 = 2.0;
+/// Relative difference of costs, and of parameters but for their signs, within which one that stalls is next to an end.
+const BESIDE: f64 = 0.01;
 /// Relative precision of a start.
 const TOLERANCE: f64 = 1e-6;
 /// So many ends are followed under the weights that will count, so many steps far.
@@ -55,14 +59,22 @@ impl TermsProblem<'_> {
                 .iterate(zero, RowWeights::Flat, LeftColumns::Data, TOLERANCE, 1)?
                 .theta);
         }
+        if let Some(theta) = e.near() {
+            return Ok(theta);
+        }
         // (unweighted cost, θ) of each end that is none of those before.
         let mut ends: Vec<(f64, Vec<f64>)> = Vec::new();
         let trials = (0..TRIALS).map(|k| start(e, k));
         for theta in from.map(<[f64]>::to_vec).into_iter().chain(trials) {
-            let ended =
-                self.iterate(theta, RowWeights::Flat, LeftColumns::Data, TOLERANCE, STEPS)?;
-            let apart = |(cost, _): &(f64, Vec<f64>)| (ended.cost - cost).abs() > SAME * cost;
-            if ended.cost.is_finite() && ends.iter().all(apart) {
+            let flat = (RowWeights::Flat, LeftColumns::Data);
+            let goes_on = |way: &Descent<'_>| !is_known(&ends, way);
+            let ended = self.iterate_while(theta, flat, TOLERANCE, STEPS, goes_on)?;
+            let settled = ended.status == Status::Ok;
+            let same = |own: &(f64, Vec<f64>)| {
+                (ended.cost - own.0).abs() <= SAME * own.0
+                    || (!settled && is_beside(own, ended.cost, &ended.theta))
+            };
+            if ended.cost.is_finite() && !ends.iter().any(same) {
                 ends.push((ended.cost, ended.theta));
             }
         }
@@ -88,7 +100,9 @@ impl TermsProblem<'_> {
         found.sort_by(|a, b| worse(&a.0, &b.0));
         found.truncate(LOWEST);
         let mut best: Option<((bool, f64), Vec<f64>)> = None;
-        for theta in first.into_iter().chain(found.into_iter().map(|(_, theta)| theta)) {
+        let lowest = found.into_iter().map(|(_, theta)| theta);
+        let others: Vec<Vec<f64>> = lowest.filter(|own| Some(own) != first.as_ref()).collect();
+        for theta in first.into_iter().chain(others) {
             let ended = self.iterate(theta, weights, factors, TOLERANCE, LOOKED)?;
             let reached = (self.is_bent(&ended.theta), ended.cost);
             let better = best.as_ref().is_none_or(|(own, _)| worse(&reached, own).is_lt());
@@ -98,6 +112,18 @@ impl TermsProblem<'_> {
         }
         Ok(best.map_or_else(|| start(&self.fitter.o.equations, 0), |(_, theta)| theta))
     }
+}
+
+/// Whether a way stalls far above the lowest end, or next to one: of 24 starts a dozen lead to the same few ends.
+fn is_known(ends: &[(f64, Vec<f64>)], way: &Descent<'_>) -> bool {
+    let Some(cost) = way.stalled() else { return false };
+    ends.iter().any(|own| cost > HIGH * own.0 || is_beside(own, cost, way.point()))
+}
+
+/// Whether a cost and parameters, but for their signs, are next to those of an end, and no lower.
+fn is_beside((own, theta): &(f64, Vec<f64>), cost: f64, at: &[f64]) -> bool {
+    let near = |(a, b): (&f64, &f64)| (a.abs() - b.abs()).abs() <= BESIDE * b.abs();
+    (own * (1.0 - SAME)..=own * (1.0 + BESIDE)).contains(&cost) && at.iter().zip(theta).all(near)
 }
 
 /// Whether noise bends the signals, then the cost.

@@ -58,7 +58,7 @@ impl TermsRecordPlan {
             channels[*channel] = own;
         }
         let at = Place { channels: &channels, sigma: at.sigma, theta: at.theta, clean: &[] };
-        self.formulas(e, &at, &[], space);
+        self.formulas(e, &at, &[], |k| signals.contains(&k), space);
         signals.iter().map(|s| space.results[*s].clone()).collect()
     }
 }

@@ -183,7 +183,7 @@ impl TermsRecordPlan {
         let inputs: Vec<_> = series.chain(sigma.iter().map(|v| Input::Cycle(&v.0))).collect();
         let first = if *cleared { e.signals.len() } else { 0 };
         let mut out: Vec<&mut [f64]> = results.iter_mut().map(|r| numbers_mut(r)).collect();
-        e.samples.run(first, &inputs, self.samples * LANES, registers, &mut out);
+        e.samples.run(|k| k >= first, &inputs, self.samples * LANES, registers, &mut out);
     }
 
     /// Takes from the noisy channels the noise that explains the residuals best, as [`TermsRecordPlan::denoised`];
