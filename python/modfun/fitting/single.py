@@ -12,6 +12,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.stability import refuse_stable
+from .by_response import by_response
 from .by_samples import by_samples
 from .instruments import referenced_fit, refuse_reference
 from .known_inputs import equations_closely, fit_known_inputs, held_closely, refuse_uneven
@@ -87,7 +88,7 @@ def fit_whole(records: tuple[Record, ...], structure: Any, options: Options) -> 
     if options.robust:
         fit: Fit = robust_fit(records, structure, options, fit_quietly)
     else:
-        fit = fit_quietly(records, structure, options)
+        fit = by_response(fit_quietly(records, structure, options))
     return fit.stable() if options.stable and fit.usable else fit
 
 
