@@ -27,8 +27,9 @@ from ..results.diagnosis import high_band_df, level_p
 from ..results.doubts import CONDITION, SURE
 from ..results.fit import Fit
 from ..results.initial_state import find_state
-from ..results.misfit import UNLIKELY
+from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit
+from .scales import sizes
 
 __all__ = ["by_response"]
 
@@ -37,6 +38,7 @@ STEP = 1e-6  # of an unknown's size: the difference that stands for its derivati
 ROUNDS, REWEIGHED = 60, 3
 SETTLED = 1e-7  # of the sum of squares, which a step has to promise
 RTOL = 1e-8  # relative error of integrations
+WAYS = ("awls", "wls", "ls")  # of fits by sums, which noise biases or which weigh otherwise
 ENDS = 3  # from which steps are made, the nearest to the records
 
 
@@ -60,7 +62,7 @@ def by_response(fit: Fit) -> Fit:
 def _is_asked(fit: EquationFit) -> bool:
     options, words = fit.options, fit.layout.formulas.words
     plain = options.noise == "output" and options.method in ("ml", "awls") and options.output_weights is None
-    plain = plain and options.initial_state == "unknown" and not fit.layout.priors
+    plain = plain and options.initial_state == "unknown" and not (options.robust or fit.layout.priors)
     if not plain or fit.structure.linear or not fit.records or not fit.params.size or fit.again is None:
         return False
     if any([late is not None for _, _, late in words["signals"]]):
@@ -73,17 +75,15 @@ def _found(fit: EquationFit) -> EquationFit:
 
     search = _Search(fit)
     here = search.at(fit.params) if fit.usable else None
-    worth = float(chdtri(fit.params.size, UNLIKELY))  # of twice the log likelihood: no chance
-    tried = [one for one in [here, *map(search.at, _ends(fit))] if one is not None]
-    tried.sort(key=lambda one: one.deviance)
-    found = [end for end in map(search.least, tried[:ENDS]) if end is not None]
-    if not found:
+    best = search.least(here) if here else None
+    if best is None or not search.is_noise(best):
+        best = search.best_of([*_ends(fit)])
+    worth = float(chdtri(fit.params.size, PLAUSIBLE))  # of twice the log likelihood
+    if best is None or not search.is_noise(best):
         return fit
-    best = min(found, key=lambda one: one.deviance)
-    gain = inf if here is None else here.deviance - best.deviance
-    if not search.is_noise(best) or (fit.success and not gain > worth):
+    if fit.success and here is not None and not here.deviance - best.deviance > worth:
         return fit
-    other = _beside(fit, best.params)
+    other = _beside(fit, best.params) if not fit.bend > BENT else None
     if other is not None and other.success and not other.at_bound and not other.bend > BENT:
         there = search.at(other.params)
         if there is not None and there.deviance < best.deviance + worth:
@@ -102,12 +102,12 @@ def _beside(fit: EquationFit, start: F64) -> EquationFit | None:
 
 
 def _ends(fit: EquationFit) -> Iterator[F64]:
-    """Parameters of other fits by sums, which noise biases or which see a part of the records alone."""
+    """Parameters of other fits by sums, also of the parts that have values, and the sizes they ought to have."""
     assert fit.again is not None and fit.records is not None
     ways: list[tuple[tuple[Record, ...], Options]] = []
     if valued := fit.valued():
         ways.append((valued, fit.options))
-    ways += [(fit.records, fit.options.replace(method=word)) for word in ("wls", "ls")]
+    ways += [(fit.records, fit.options.replace(method=word)) for word in WAYS]
     for records, options in ways:
         try:
             made = fit.again(records, fit.structure, options)
@@ -115,6 +115,7 @@ def _ends(fit: EquationFit) -> Iterator[F64]:
             continue
         if made.usable:
             yield made.params
+    yield sizes(fit.structure, fit.param_names, fit.records)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +225,12 @@ class _Search:
                 maxiter=ROUNDS,
             )
         return here if ended == "settled" and self._is_told(here) else None
+
+    def best_of(self, ends: Sequence[F64]) -> _Point | None:
+        """The least that steps lead to from the parameters nearest to the records."""
+        tried = sorted([one for one in map(self.at, ends) if one], key=lambda one: one.deviance)
+        found = [end for end in map(self.least, tried[:ENDS]) if end]
+        return min(found, key=lambda one: one.deviance) if found else None
 
     def _weigh(self, here: _Point) -> None:
         self.levels = self._levels_of(here)
@@ -343,7 +350,9 @@ class _Search:
     def _lines(self, here: _Point, levels: Sequence[F64]) -> Iterator[Any]:
         """The residuals of the response on the lines of the fit, white with unit variance."""
         for left, level, (low, high) in zip(here.left, levels, self.fit.lines, strict=True):
-            lines = np.fft.rfft(left, axis=1)[:, low : high + 1] / (level[:, None] * np.sqrt(left.shape[1] / 2))
+            lines = np.fft.rfft(left, axis=1)[:, low : high + 1] / (
+                level[:, None] * np.sqrt(left.shape[1] / 2)
+            )
             if low == 0:
                 lines[:, 0] /= np.sqrt(2)
             yield lines

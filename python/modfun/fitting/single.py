@@ -25,7 +25,7 @@ from .signs import settled, signed
 from .uneven import equations_on_fewer_lines, from_response, without_excess
 from .wider import equations_on_enough_lines, equations_on_more_lines
 
-__all__ = ["fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
+__all__ = ["fit_ended", "fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
 
 
 def fit_quietly(
@@ -88,8 +88,13 @@ def fit_whole(records: tuple[Record, ...], structure: Any, options: Options) -> 
     if options.robust:
         fit: Fit = robust_fit(records, structure, options, fit_quietly)
     else:
-        fit = by_response(fit_quietly(records, structure, options))
+        fit = fit_quietly(records, structure, options)
     return fit.stable() if options.stable and fit.usable else fit
+
+
+def fit_ended(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+    """The same, led on by the response where that has the answer, of records whose inputs are read already."""
+    return by_response(fit_whole(records, structure, options))
 
 
 def refuse_whole(records: tuple[Record, ...], structure: Any, options: Options) -> None:
