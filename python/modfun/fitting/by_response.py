@@ -16,6 +16,7 @@ import numpy as np
 
 from ..base.arrays import F64, geometric_mean
 from ..base.least_squares import levenberg_marquardt
+from ..base.named import Named
 from ..base.words import TRENDS
 from ..equations.nonlinear import model_of
 from ..errors import ModfunError
@@ -24,7 +25,7 @@ from ..records.functions import drives
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.diagnosis import high_band_df, level_p
-from ..results.doubts import CONDITION, SURE
+from ..results.doubts import SURE
 from ..results.fit import Fit
 from ..results.initial_state import find_state
 from ..results.misfit import PLAUSIBLE, UNLIKELY
@@ -37,6 +38,8 @@ BENT = 0.2  # `EquationFit.bend` from which on terms with noise inside have move
 STEP = 1e-6  # of an unknown's size: the difference that stands for its derivative
 ROUNDS, REWEIGHED = 60, 3
 SETTLED = 1e-7  # of the sum of squares, which a step has to promise
+APART = 1e4  # condition number beyond which unknowns are not told apart, or by errors of differences
+ENDLESS = 0.01  # of its value's effect in the noise: a parameter that went to where it changes nothing
 RTOL = 1e-8  # relative error of integrations
 WAYS = ("awls", "wls", "ls")  # of fits by sums, which noise biases or which weigh otherwise
 ENDS = 3  # from which steps are made, the nearest to the records
@@ -102,8 +105,9 @@ def _beside(fit: EquationFit, start: F64) -> EquationFit | None:
 
 
 def _ends(fit: EquationFit) -> Iterator[F64]:
-    """Parameters of other fits by sums, also of the parts that have values, and the sizes they ought to have."""
-    assert fit.again is not None and fit.records is not None
+    """Parameters of other fits by sums, also of the parts that have values, and sizes that they may have."""
+    assert fit.again is not None
+    assert fit.records is not None
     ways: list[tuple[tuple[Record, ...], Options]] = []
     if valued := fit.valued():
         ways.append((valued, fit.options))
@@ -160,7 +164,7 @@ class _Search:
         try:
             model = model_of(self.compiled, params, self.fit.structure)
             for rec in self.records:
-                simulated, start = find_state(model, rec, self.fit.trend)
+                _, start = find_state(model, rec, self.fit.trend)
                 x += [start.trend, start.state]
                 scale = float(np.max(np.abs(rec.y)))
                 sizes += [np.maximum(np.abs(own), 1e-3 * scale) for own in (start.trend, start.state)]
@@ -273,11 +277,13 @@ class _Search:
         return own - beside @ (np.linalg.pinv(beside) @ own) if beside.size else own
 
     def _is_told(self, here: _Point) -> bool:
-        """Whether the parameters stand inside their bounds and the response tells them apart."""
+        """Whether parameters stand inside bounds, none at infinity, and the response tells them apart."""
         inside = np.all((here.params > self.low) & (here.params < self.high))
-        steep = self._projected(here)
-        size = np.linalg.norm(steep, axis=0)
-        return bool(inside and np.all(size > 0) and np.linalg.cond(steep / size) < CONDITION)
+        size = np.linalg.norm(here.jacobian, axis=0)
+        if not (inside and np.all(size > 0) and np.linalg.cond(here.jacobian / size) < APART):
+            return False
+        effect = np.abs(here.params) * np.linalg.norm(self._projected(here), axis=0)
+        return bool(np.all(effect > ENDLESS * np.sqrt(here.cost / self._freedom(here))))
 
     def is_noise(self, here: _Point) -> bool:
         """Whether residuals are no larger than the noise of the high band, where that is known."""
@@ -303,8 +309,10 @@ class _Search:
         size = np.linalg.norm(steep, axis=0)
         inverse = np.linalg.pinv(steep.T @ steep / np.outer(size, size)) / np.outer(size, size)
         plain = inverse * here.cost / freedom
-        line = self._coloured(here, steep, 0) * (count / freedom)
-        smooth = self._coloured(here, steep, max(int(np.sqrt(count)), 8)) * (count / freedom)
+        line, smooth = [
+            _at_least(plain, inverse @ self._coloured(here, steep, width) @ inverse * (count / freedom))
+            for width in (0, max(int(np.sqrt(count)), 8))
+        ]
         levels = fit.levels.copy()
         levels[:, : len(fit.outputs)] = level
         known = geometric_mean(np.array(level), fit.rows)
@@ -312,12 +320,12 @@ class _Search:
         over = fit.df_resid if levels.shape[1] > 1 else fit.df_resid * float(known[0]) ** 2
         return replace(
             fit,
-            params=here.params,
+            params=Named(here.params, fit.param_names),
             status="ok",
             at_bound=(),
             cov_nonrobust=plain,
-            cov_spectral=inverse @ smooth @ inverse,
-            cov_hc3=inverse @ line @ inverse,
+            cov_spectral=smooth,
+            cov_hc3=line,
             df_spectral=np.full(here.params.size, float(freedom)),
             df_hc3=np.full(here.params.size, float(freedom)),
             gram=steep.T @ steep / np.outer(size, size),
@@ -356,3 +364,13 @@ class _Search:
             if low == 0:
                 lines[:, 0] /= np.sqrt(2)
             yield lines
+
+
+def _at_least(white: F64, coloured: F64) -> F64:
+    """The covariance in white noise, with variances that coloured noise raises.
+
+    Steps to least squares take from the residuals what the slopes show of them, on the few lines where slow
+    responses move: spectra of these are too low there.
+    """
+    over = np.sqrt(np.maximum(coloured.diagonal() / white.diagonal(), 1.0))
+    return np.asarray(white * np.outer(over, over))

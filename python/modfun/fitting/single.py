@@ -93,7 +93,7 @@ def fit_whole(records: tuple[Record, ...], structure: Any, options: Options) -> 
 
 
 def fit_ended(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
-    """The same, led on by the response where that has the answer, of records whose inputs are read already."""
+    """The same of records whose inputs are read, led on by its response where that has the answer."""
     return by_response(fit_whole(records, structure, options))
 
 
