@@ -24,6 +24,7 @@ from ..models.options import Options
 from ..records.functions import drives
 from ..records.mask import sample_weights
 from ..records.record import Record
+from ..results.cures import amplified
 from ..results.diagnosis import high_band_df, level_p
 from ..results.doubts import SURE
 from ..results.fit import Fit
@@ -48,8 +49,8 @@ ENDS = 3  # from which steps are made, the nearest to the records
 def by_response(fit: Fit) -> Fit:
     """The fit that its response asks for, where another explains the records better beyond doubt.
 
-    Only where the search did not settle or a number that the fit has anyway speaks against it: its level,
-    or how far noise bends its terms. Then steps of Levenberg and Marquardt lead from several fits to least
+    Only where the search did not settle or what is known of the fit anyway speaks against it: its level, how
+    far noise bends its terms, or products that an elimination has left. Then steps of Levenberg and Marquardt lead from several fits to least
     squares of the response, and a fit by sums from there stands, unless it leaves more. A wrong model has no
     such answer: what leaves more than noise is refused.
     """
@@ -70,7 +71,12 @@ def _is_asked(fit: EquationFit) -> bool:
         return False
     if any([late is not None for _, _, late in words["signals"]]):
         return False
-    return not fit.success or level_p(fit) < UNLIKELY or fit.bend > BENT
+    return not fit.success or level_p(fit) < UNLIKELY or _is_biased(fit)
+
+
+def _is_biased(fit: EquationFit) -> bool:
+    """Whether noise moves the sums' estimates by several of their errors, whatever its level."""
+    return fit.bend > BENT or amplified(fit)
 
 
 def _found(fit: EquationFit) -> EquationFit:
@@ -79,14 +85,15 @@ def _found(fit: EquationFit) -> EquationFit:
     search = _Search(fit)
     here = search.at(fit.params) if fit.usable else None
     best = search.least(here) if here else None
-    if best is None or not search.is_noise(best):
-        best = search.best_of([*_ends(fit)])
+    if best is None or not search.level_p(best) > PLAUSIBLE:  # it may be one of several minima
+        found = [best, search.best_of([*_ends(fit)])]
+        best = min([one for one in found if one], key=lambda one: one.deviance, default=None)
     worth = float(chdtri(fit.params.size, PLAUSIBLE))  # of twice the log likelihood
-    if best is None or not search.is_noise(best):
+    if best is None or not search.level_p(best) > SURE:
         return fit
-    if fit.success and here is not None and not here.deviance - best.deviance > worth:
+    if fit.success and here and not amplified(fit) and not here.deviance - best.deviance > worth:
         return fit
-    other = _beside(fit, best.params) if not fit.bend > BENT else None
+    other = _beside(fit, best.params) if not _is_biased(fit) else None
     if other is not None and other.success and not other.at_bound and not other.bend > BENT:
         there = search.at(other.params)
         if there is not None and there.deviance < best.deviance + worth:
@@ -285,17 +292,17 @@ class _Search:
         effect = np.abs(here.params) * np.linalg.norm(self._projected(here), axis=0)
         return bool(np.all(effect > ENDLESS * np.sqrt(here.cost / self._freedom(here))))
 
-    def is_noise(self, here: _Point) -> bool:
-        """Whether residuals are no larger than the noise of the high band, where that is known."""
+    def level_p(self, here: _Point) -> float:
+        """Probability of residuals as large beside the noise of the high band; 1 where that is not known."""
         from scipy.special import fdtrc
 
         seen = self.fit.seen[:, : len(self.fit.outputs)]
         if not np.all(np.isfinite(seen)) or not np.all(seen > 0):
-            return True
+            return 1.0
         freedom = self._freedom(here)
         over = np.array(self._levels_of(here)) / seen
         square = float(np.mean(over**2)) * sum([int(c.sum()) for c in self.counts]) / freedom
-        return bool(fdtrc(freedom, high_band_df(self.fit) * len(self.fit.outputs), square) > SURE)
+        return float(fdtrc(freedom, high_band_df(self.fit) * len(self.fit.outputs), square))
 
     def _freedom(self, here: _Point) -> int:
         return max(here.residual.size - int(np.sum([np.sum(own == 0) for own in self.own])) - here.x.size, 1)
