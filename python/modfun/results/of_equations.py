@@ -201,7 +201,7 @@ class EquationFit(Fit):
             pieces = [f"rec.window({rec.t[run.start]:.4g}, {rec.t[run.stop - 1]:.4g})" for run in runs]
             parts = pieces[0] if len(pieces) == 1 else f"mf.fit([{', '.join(pieces)}], model)"
             first, order, y = int(bad[0]), max(self.layout.orders), np.ascontiguousarray(rec.y)
-            left, given = max(runs, key=lambda run: run.stop - run.start), ""
+            left, given = max(runs, key=lambda run: run.stop - run.start, default=slice(0)), ""
             try:
                 noise_level(np.ascontiguousarray(y[:, left]), order)
             except DataError:  # too few to see it in
