@@ -50,9 +50,9 @@ def by_response(fit: Fit) -> Fit:
     """The fit that its response asks for, where another explains the records better beyond doubt.
 
     Only where the search did not settle or what is known of the fit anyway speaks against it: its level, how
-    far noise bends its terms, or products that an elimination has left. Then steps of Levenberg and Marquardt lead
-    from several fits to least squares of the response, and a fit by sums from there stands, unless it leaves
-    more. A wrong model has no such answer: what leaves more than noise is refused.
+    far noise bends its terms, or products that an elimination has left. Then steps of Levenberg and Marquardt
+    lead from several fits to least squares of the response, and a fit by sums from there stands, unless it
+    leaves more. A wrong model has no such answer: what leaves more than noise is refused.
     """
     if not isinstance(fit, EquationFit) or not _is_asked(fit):
         return fit
