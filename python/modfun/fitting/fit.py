@@ -29,13 +29,14 @@ from ..results.fit import Fit
 from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
+from .by_response import by_response
 from .kinks import bent
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
 from .of_gains import fit_response
 from .prepared import counts_start, fits_alone
 from .signs import signs_open
-from .single import fit_quietly, fit_whole
+from .single import fit_ended, fit_quietly, fit_whole
 from .undeclared import fit_as_read, read_alike
 
 __all__ = [
@@ -360,7 +361,7 @@ def fit_many(
     alone = alone or _signs_open(read, structure, checked) or _short(read, structure, checked)
     if not alone and (read.sigma is None if isinstance(read, Batch) else _alike(read)):
         return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
-    return fit_each(read, structure, checked, fit_whole, progress, notes)
+    return fit_each(read, structure, checked, fit_ended, progress, notes)
 
 
 def _bends(data: Batch | tuple[Record, ...], structure: Any, options: Options) -> bool:
@@ -407,7 +408,7 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
             if isinstance(data, FrequencyResponse):
                 result: Fit = fit_response(data, structure, options)
             else:
-                result = fit_as_read(records_of(data), structure, options, fit_whole)
+                result = by_response(fit_as_read(records_of(data), structure, options, fit_whole))
         except DataError as error:
             if options.band is None or FEW_LINES not in str(error):
                 raise

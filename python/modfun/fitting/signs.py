@@ -54,16 +54,21 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     """The fit with fewer parameters below 0, where another set makes the same equations.
 
     g/L*sin(th - o) is the same with -L and o + pi: searches for the offset of an encoder ended at L < 0 in
-    one of eight records. Of such sets the one of least norm is taken, which has o within half a turn.
+    one of eight records, and friction c*tanh(w/v) at c and v below 0 in 7 of 12. Of such sets the one of
+    least norm is taken, which has o within half a turn.
     """
     words: Any = fit.layout.formulas.words
     free = _untold(words)
     below = np.sum(fit.params[free] < 0)
     if not below:
         return fit
+    from ..equations.symbolic.mirrors import mirrors
     from ..equations.symbolic.twins import twins
 
-    others = [x for x in twins(fit.layout.compiled, fit.params) if np.sum(x[free] < 0) < below]
+    compiled = fit.layout.compiled
+    inside = sorted({k for _, k, _ in words["signal_slopes"]})
+    every = [*mirrors(compiled, fit.params, inside), *twins(compiled, fit.params)]
+    others = [x for x in every if np.sum(x[free] < 0) < below]
     size = np.where(fit.params == 0, 1.0, fit.params)
     for other in sorted(others, key=lambda x: (np.sum(x[free] < 0), np.linalg.norm(x / size)))[:1]:
         if found := _turned(fit, other, free & (fit.params < 0) & (other > 0), sought):

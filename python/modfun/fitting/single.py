@@ -12,6 +12,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.stability import refuse_stable
+from .by_response import by_response
 from .by_samples import by_samples
 from .instruments import referenced_fit, refuse_reference
 from .known_inputs import equations_closely, fit_known_inputs, held_closely, refuse_uneven
@@ -24,7 +25,7 @@ from .signs import settled, signed
 from .uneven import equations_on_fewer_lines, from_response, without_excess
 from .wider import equations_on_enough_lines, equations_on_more_lines
 
-__all__ = ["fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
+__all__ = ["fit_ended", "fit_from", "fit_near", "fit_quietly", "fit_whole", "refuse_whole"]
 
 
 def fit_quietly(
@@ -92,6 +93,11 @@ def fit_whole(records: tuple[Record, ...], structure: Any, options: Options, **s
     else:
         fit = fit_quietly(records, structure, options, **starts)
     return fit.stable() if options.stable and fit.usable else fit
+
+
+def fit_ended(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+    """The same of records whose inputs are read, led on by its response where that has the answer."""
+    return by_response(fit_whole(records, structure, options))
 
 
 def refuse_whole(records: tuple[Record, ...], structure: Any, options: Options) -> None:

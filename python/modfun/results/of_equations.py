@@ -57,6 +57,8 @@ class EquationFit(Fit):
         The records without what sampling folds into the lines under held inputs, where that was taken out.
     unsettled : bool
         Whether what sums over the samples err by could not be taken out of nonlinear equations.
+    by_response : bool
+        Whether this is the least squares of the response, as sums over the records have no answer.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
@@ -67,6 +69,7 @@ class EquationFit(Fit):
     unnamed: tuple[Record, ...] = ()
     unfolded: tuple[Record, ...] = ()
     unsettled: bool = False
+    by_response: bool = False
 
     @property
     def trend(self) -> str | None:
@@ -102,6 +105,8 @@ class EquationFit(Fit):
     @property
     def message(self) -> str:
         """The status in words, with the cure."""
+        if self.success and self.by_response:
+            return "Least squares of the response, as sums over the record have no such minimum."
         if self.status == "rank" and (told := self._without_bounds()):
             return told
         if self.status == "rank":
@@ -192,21 +197,11 @@ class EquationFit(Fit):
 
             whole, inner, values = found
             bad = np.flatnonzero(~(values > 0))
-            # Next to 0 the noise makes anything of it, though it has a value.
-            noise = float(noise_level(np.atleast_2d(values), 2)[0])
-            least, clear = CLEAR * noise, f", {CLEAR:g} times its noise"
-            if not np.any(values > least):
-                least, clear = 0.0, ""
-            edges = np.concatenate([[-1], np.flatnonzero(~(values > least)), [values.size]])
-            sizes = np.diff(edges) - 1
-            longest = int(np.argmax(sizes))
-            pieces = [
-                f"rec.window({rec.t[edges[at] + 1]:.4g}, {rec.t[edges[at + 1] - 1]:.4g})"
-                for at in np.flatnonzero(sizes > LONG * sizes[longest])
-            ]
+            runs, least, clear = _valued(values)
+            pieces = [f"rec.window({rec.t[run.start]:.4g}, {rec.t[run.stop - 1]:.4g})" for run in runs]
             parts = pieces[0] if len(pieces) == 1 else f"mf.fit([{', '.join(pieces)}], model)"
             first, order, y = int(bad[0]), max(self.layout.orders), np.ascontiguousarray(rec.y)
-            left, given = slice(edges[longest] + 1, edges[longest + 1]), ""
+            left, given = max(runs, key=lambda run: run.stop - run.start, default=slice(0)), ""
             try:
                 noise_level(np.ascontiguousarray(y[:, left]), order)
             except DataError:  # too few to see it in
@@ -221,6 +216,17 @@ class EquationFit(Fit):
                 f"error takes all of it, from starts, mf.rivals.output_error(model, start={{{starts}}})."
             )
         return ""
+
+    def valued(self) -> tuple[Record, ...]:
+        """The parts of the records where their logarithms and roots have values; none where all have."""
+        found: list[Record] = []
+        lacking = False
+        for rec in self.records or ():
+            lacks = self.layout.formulas.without_value(rec.y, driving(rec), rec.t)
+            lacking = lacking or lacks is not None
+            runs = [slice(0, rec.t.size)] if lacks is None else _valued(lacks[2])[0]
+            found += [rec.window(rec.t[run.start], rec.t[run.stop - 1]) for run in runs]
+        return tuple(found) if lacking else ()
 
     @property
     def has_poles(self) -> bool:
@@ -329,3 +335,17 @@ class EquationFit(Fit):
     def own_values(self) -> dict[str, Any]:
         """What is kept of it besides what all fits have."""
         return {"levels": self.levels.tolist(), "seen": self.seen.tolist()}
+
+
+def _valued(values: F64) -> tuple[list[slice], float, str]:
+    """The longest runs of samples far enough above 0 for a logarithm, how far, and that in words."""
+    # Next to 0 the noise makes anything of it, though it has a value.
+    least, clear = CLEAR * float(noise_level(np.atleast_2d(values), 2)[0]), f", {CLEAR:g} times its noise"
+    if not np.any(values > least):
+        least, clear = 0.0, ""
+    edges = np.concatenate([[-1], np.flatnonzero(~(values > least)), [values.size]])
+    sizes = np.diff(edges) - 1
+    runs = [
+        slice(int(edges[at]) + 1, int(edges[at + 1])) for at in np.flatnonzero(sizes > LONG * sizes.max())
+    ]
+    return runs, least, clear

@@ -51,9 +51,12 @@ def test_records_of_one_problem_have_their_own_sides():
 
 
 def test_noise_across_the_singularity_has_no_logarithm_and_a_window_is_named():
+    rec = _cases(0, b=1.0, nsr=0.01)
     with pytest.warns(mf.ModfunWarning, match="log\\(1000 - C\\) has no value at 1 of 241 samples"):
-        fit = mf.fit(_cases(0, b=1.0, nsr=0.01), _model())
+        fit = mf.fit(rec, _model(), noise="equation")  # which no response can follow
     assert "cut the record to where 1000 - C stays above" in fit.message
+    fit = mf.fit(rec, _model())
+    assert np.all(np.abs(fit.params - [1.0, 0.2]) < 4 * fit.bse)
 
 
 def test_a_logarithm_of_the_user_is_no_logarithm_of_negative_samples():

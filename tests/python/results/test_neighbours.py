@@ -94,8 +94,8 @@ def test_a_pole_at_zero_is_not_unstable():
         assert "unstable" not in str(fit.check())
 
 
-def test_products_that_amplify_noise_are_warned_of():
-    """Two tanks, the lower one measured with noise of 0.02 %: k is 31 % too large in 3 of 5 records."""
+def test_products_that_amplify_noise_are_warned_of_where_the_response_does_not_lead_on():
+    """Two tanks, the lower one measured with noise of 0.02 %: k was 31 % too large in 3 of 5 records."""
     levels = mf.Equation(
         ["h1' = k*u - a*sqrt(h1)", "h2' = a*sqrt(h1) - b*sqrt(h2)"],
         outputs=["h2"],
@@ -105,10 +105,15 @@ def test_products_that_amplify_noise_are_warned_of():
     both = mf.Equation(["h1' = k*u - a*sqrt(h1)", "h2' = a*sqrt(h1) - b*sqrt(h2)"], outputs=["h1", "h2"])
     t = 2.0 * np.arange(301)
     u = 1.2 + 0.4 * np.sin(2 * np.pi * t / 240) + 0.2 * np.sin(2 * np.pi * t / 110)
-    y = both.model({"k": 0.05, "a": 0.03, "b": 0.025}).simulate(u=u, dt=2.0, initial_state=[2.5, 3.5])[1]
+    true = {"k": 0.05, "a": 0.03, "b": 0.025}
+    y = both.model(true).simulate(u=u, dt=2.0, initial_state=[2.5, 3.5])[1]
     noise = 0.001 * np.random.default_rng(1).standard_normal(301)
     rec = mf.Record(y=y + noise, u=u, dt=2.0, outputs=["h2"], intersample="smooth")
     fit, said = warned(rec, levels)
+    assert said == ""
+    assert np.all(np.abs(fit.params - [true[name] for name in fit.param_names]) < 4 * fit.bse)
+    assert np.all(fit.bse < 0.02 * fit.params)
+    fit, said = warned(rec, levels, noise=mf.Noise(y=0.001))
     assert "Eliminating h1 has left products" in said
     assert "First measure h1, or fit the response itself from here, mf.rivals.output_error(" in said
     assert abs(fit["k"] / 0.05 - 1) > 0.1  # what is warned of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -25,13 +26,14 @@ def exponents(compiled: Compiled) -> list[int]:
     return [k for k, name in enumerate(compiled.parameters) if parameter(name) in inside]
 
 
-def mirrors(compiled: Compiled, params: F64) -> list[F64]:
+def mirrors(compiled: Compiled, params: F64, turned: Sequence[int] | None = None) -> list[F64]:
     """Sets of parameters with the other sign of an exponent that leave all terms what they are.
 
+    `turned`: positions of other parameters whose sign is turned, such as v of c*tanh(w/v), instead.
     What stands in signals besides stays; coefficients change as far as the terms are linear in them. Compared
     are the terms of each derivative at random values of the signals.
     """
-    at = exponents(compiled)
+    at = exponents(compiled) if turned is None else turned
     if not at or not np.all(np.isfinite(params)):
         return []
     values, linear = _functions(compiled.terms, compiled.parameters)
