@@ -22,7 +22,7 @@ MOVED = 3.0  # standard errors by which an estimate may move
 def end_in_words(fit: Estimates) -> str:
     """Why the default rule looked no further, where its choice ends with what it looked at."""
     rule = fit.band_rule
-    if rule is None or not meets_end(fit):
+    if rule is None or not meets_end(fit) or getattr(fit, "by_samples", False):
         return ""
     if rule["k_max"] >= (max(fit.intervals) - 1) // 2:
         return "; these are all lines that the samples show"
@@ -33,7 +33,7 @@ def end_in_words(fit: Estimates) -> str:
 
 def beyond(fit: Estimates) -> Doubt | None:
     """That something lies beyond the end of the default band: a mode, or what lowers the errors."""
-    if not meets_end(fit):
+    if not meets_end(fit) or getattr(fit, "by_samples", False):  # of equations; lines say nothing more
         return None
     if _was_asked(fit):
         return _mode(fit) if fit.layout.rational else None

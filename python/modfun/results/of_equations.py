@@ -56,7 +56,9 @@ class EquationFit(Fit):
     unfolded : tuple of Record
         The records without what sampling folds into the lines under held inputs, where that was taken out.
     unsettled : bool
-        Whether what sums over the samples err by could not be taken out of nonlinear equations.
+        Whether what sums over the samples err by could not be taken out of the equations.
+    by_samples : bool
+        Whether estimates are least squares of the samples, as sums over few uneven ones err.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
@@ -67,6 +69,7 @@ class EquationFit(Fit):
     unnamed: tuple[Record, ...] = ()
     unfolded: tuple[Record, ...] = ()
     unsettled: bool = False
+    by_samples: bool = False
 
     @property
     def trend(self) -> str | None:
