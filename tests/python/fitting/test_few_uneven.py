@@ -38,7 +38,7 @@ def test_a_growth_is_found_from_where_sums_see_a_decay():
 
 
 def test_intervals_of_few_samples_hold_the_true_values():
-    """Of 6 pairs of intervals fewer than 3 hold both values once in 800 tests. The damping was 0.6, for 0.5."""
+    """Of 6 pairs of intervals fewer than 3 hold both once in 800 tests. The damping was 0.6, for 0.5."""
     t = np.array([0, 0.2, 0.4, 0.7, 1, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 10, 12])
     clean, held = np.real(3 * np.exp((-0.25 + 1j) * t)), 0
     for seed in range(6):
