@@ -24,7 +24,7 @@ PRIMED = re.compile(r"(?<![\w.])([A-Za-z_]\w*)('+)")
 
 
 def contained(fit: Estimates, k: int, term: str) -> bool:
-    """Whether changes of free parameters do to equation k what a term there does: nothing can tell them apart.
+    """Whether changes of free parameters do to equation k what a term there does: nothing tells them apart.
 
     In x' = a*v and v' = b*x + c*x**2*v a term in x**2*x' is one in x**2*v. Noise tells the two apart all the
     same, as it biases them otherwise: coefficients of 93 and of -93 lowered BIC.
