@@ -15,6 +15,7 @@ from ..results.diagnosis import fewest_samples, growth, measured_lines
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
 from ..results.initial_state import slopes
+from ..results.sparse import sparse
 
 __all__ = ["by_samples", "lower_by_samples"]
 
@@ -103,6 +104,8 @@ def _at_few(fit: AnyFit) -> AnyFit:
     if found is fit or not found.success:
         return replace(fit, unsettled=True) if fit.layout.compiled.is_linear else fit
     error = np.sqrt(fit.cov_nonrobust.diagonal())
+    if sparse(replace(found, noise_cov=fit.noise_cov)) is not None:  # the lines are quieter: another model
+        return fit
     move = np.abs(found.params - fit.params)[error > 0] / error[error > 0]
     return replace(found, by_samples=True) if np.max(move, initial=0.0) > MOVED else fit
 

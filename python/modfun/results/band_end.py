@@ -72,7 +72,7 @@ def _wider(fit: Estimates) -> Doubt | None:
         return None
     edge = float(f"{2 * fit.band[1]:.3g}")
     other = again(fit, fit.records, fit.structure, fit.options.replace(band=(fit.band[0], edge)))
-    if other is None or not gains(fit, other):
+    if other is None or getattr(other, "by_samples", False) or not gains(fit, other):
         return None
     was, now = np.asarray(fit.bse), np.asarray(other.bse)
     at = int(np.argmax(np.where(now > 0, was / np.where(now > 0, now, 1.0), 1.0)))

@@ -331,4 +331,5 @@ class EquationFit(Fit):
 
     def own_values(self) -> dict[str, Any]:
         """What is kept of it besides what all fits have."""
-        return {"levels": self.levels.tolist(), "seen": self.seen.tolist()}
+        own: dict[str, Any] = {"levels": self.levels.tolist(), "seen": self.seen.tolist()}
+        return own | ({"by_samples": True} if self.by_samples else {})

@@ -17,7 +17,7 @@ BOLUS = mf.Equation("c' = -ke*c", outputs=["c"])
 
 
 @pytest.mark.parametrize("band", [None, 2.11])
-def test_a_decay_at_ten_instants_is_what_output_error_says(band):
+def test_a_decay_at_ten_instants_is_what_output_error_says(band, tmp_path):
     """The rate was 0.69 on the default band, 0.54 on twice as much, which check() proposed."""
     assert mf.fit(decay(), BOLUS, band=band)["ke"] == pytest.approx(0.3, rel=1e-6)
     for seed in range(3):
@@ -28,6 +28,8 @@ def test_a_decay_at_ten_instants_is_what_output_error_says(band):
         )
         assert "nothing wrong" in str(fit.check())
         assert "least squares of the samples" in str(fit.summary())
+    fit.save(tmp_path / "fit.json")
+    assert "least squares of the samples" in str(mf.load(tmp_path / "fit.json").summary())
 
 
 def test_a_growth_is_found_from_where_sums_see_a_decay():
@@ -58,6 +60,27 @@ def test_growth_of_a_population_at_eleven_instants():
     y = 10 / (1 + 9 * np.exp(-0.7 * t)) + 0.15 * np.random.default_rng(1).standard_normal(t.size)
     fit = mf.fit(mf.Record(y=y, t=t, outputs=["y"]), mf.Equation("y' = r*y - q*y**2", outputs=["y"]))
     np.testing.assert_allclose(fit.params, [0.7, 0.07], rtol=0.1)
+
+
+def test_a_response_that_the_lines_refute_takes_no_place_of_theirs(monkeypatch):
+    """Least squares of the samples have no other level of noise that could say so."""
+    from modfun.fitting import by_samples
+
+    asked = []
+    monkeypatch.setattr(by_samples, "sparse", lambda fit: asked.append(fit["ke"]) or "a doubt")
+    assert mf.fit(decay(1), BOLUS)["ke"] > 0.6
+    assert asked[0] == pytest.approx(0.3, abs=0.02)
+
+
+def test_what_a_search_finds_is_no_advice_of_a_wider_band():
+    """On twice the band a search went on to the samples, whose smaller errors no band has."""
+    rng = np.random.default_rng(0)
+    t = np.sort(np.r_[0, 20, rng.uniform(0, 20, 199)])
+    noise = 0.05 * np.random.default_rng(99).standard_normal(t.size)
+    rec = mf.Record(y=np.real(3 * np.exp((-0.25 + 1j) * t)) + noise, t=t, outputs=["c"])
+    fit = mf.fit(rec, mf.Equation("c'' = -a*c' - b*c", outputs=["c"]))
+    assert not fit.by_samples
+    assert "with band=" not in str(fit.check())
 
 
 def test_a_search_that_ends_nowhere_says_what_needs_no_sums(monkeypatch):
