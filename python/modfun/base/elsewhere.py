@@ -12,6 +12,7 @@ _PARAMETERS = {
     **dict.fromkeys(("estimate", "coef", "coef_", "x", "theta", "values", "popt"), "params"),
     **dict.fromkeys(("se", "std", "stderr", "stderrs", "std_errors", "standard_errors"), "bse"),
     **dict.fromkeys(("ci", "confint", "confidence_interval", "confidence_intervals"), "conf_int()"),
+    **dict.fromkeys(("parameters", "names"), "params (values) or param_names"),
 }
 FIT: Mapping[str, str] = {
     **_PARAMETERS,
@@ -32,11 +33,17 @@ FIT: Mapping[str, str] = {
     **dict.fromkeys(("step", "step_response"), "model.step()"),
     **dict.fromkeys(("x0", "initial_conditions"), "initial_state()"),
     **dict.fromkeys(("warnings", "doubts"), "check()"),
+    "bootstrap": "mf.bootstrap(fit)",
+    "collinearity": "mf.collinearity(rec, fit)",
+    "compare": "mf.compare([fit, ...])",
+    "crlb": "mf.crlb(fit.model, rec, ...)",
+    "cross_validate": "mf.cross_validate(records, models)",
 }
 FITS: Mapping[str, str] = {
     **_PARAMETERS,
     **dict.fromkeys(("to_csv", "save", "dump", "to_json"), "to_pandas().to_csv(path), a row per record"),
     **dict.fromkeys(("summary", "mean"), "table()"),
+    **dict.fromkeys(("samples", "replicates", "draws", "estimates"), "params, (replicate, parameter)"),
     **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
 }
 STUDY: Mapping[str, str] = {
@@ -44,6 +51,7 @@ STUDY: Mapping[str, str] = {
         ("to_csv", "to_markdown", "to_latex"), "table().to_csv(path), .to_markdown() or .to_latex()"
     ),
     **dict.fromkeys(("summary", "mean", "conf_int"), "table()"),
+    **dict.fromkeys(("parameters", "names"), "param_names"),
     **dict.fromkeys(("estimates", "params"), "samples, kept by MonteCarlo.run(keep='samples')"),
     **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
     **dict.fromkeys(("std", "se", "stderr"), "sd"),

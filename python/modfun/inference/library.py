@@ -24,7 +24,7 @@ __all__ = ["Library", "library_of"]
 MOST = 400  # candidates of all equations together
 HIGHEST = 10  # degree of polynomials
 _FAMILY = re.compile(r"polynomials\s+of\s+(?P<names>.+?)\s+up\s+to\s+(?P<degree>\d+)\s*(?=,|$)")
-_MEANT = re.compile(r"\s*poly\w*\s+(of|in)\b", re.IGNORECASE)
+_MEANT = re.compile(r"\s*poly\w*\s+((?P<named>of|in)|(up\s+)?to)\b", re.IGNORECASE)
 _FACTOR = re.compile(r"[A-Za-z][A-Za-z0-9_]*'*")
 WHAT = "select_terms"
 
@@ -242,8 +242,9 @@ def _terms(given: Any, name: str) -> tuple[list[str], set[str]]:
     found: list[str] = []
     family: set[str] = set()
     for text in [given] if isinstance(given, str) else given:
-        if _MEANT.match(text) and not _FAMILY.search(text):
-            raise SpecError(f'{WHAT}: write a family as "polynomials of y, u up to 3", not {text!r}')
+        if (meant := _MEANT.match(text)) and not _FAMILY.search(text):
+            lacks = "" if meant["named"] else ", which does not say of which signals"
+            raise SpecError(f'{WHAT}: write a family as "polynomials of y, u up to 3", not {text!r}{lacks}')
         place = 0
         for match in _FAMILY.finditer(text):
             found += separated(text[place : match.start()], "library")

@@ -32,6 +32,7 @@ __all__ = [
 
 CLEAN = 0.1  # percent of the rms: noise on a command that was recorded as it was given, at most
 SPIKES = 0.05  # of the samples, at most: more are those of a channel that jumps
+KINK = 0.5  # of a bend: what its neighbours bend back is all of it beside an outlying sample, none at a kink
 SAID = 3  # times
 RESTS = 10  # equal samples of an input: as many are a rest
 SLOW = 10  # s: times without a unit and shorter steps are taken as seconds in silence
@@ -415,13 +416,15 @@ def _first_times(record: Samples, places: NDArray[np.intp]) -> str:
 
 
 def _outliers(record: Samples, name: str) -> Iterator[str]:
-    """Find single samples that stick out of both neighbours: a step, and a lag of one, do not."""
+    """Find single samples that stick out of both neighbours: a step, a lag of one, and a kink do not."""
     values, rise = record[name], np.diff(record[name])
     out = np.where(rise[:-1] * rise[1:] < 0, np.minimum(np.abs(rise[:-1]), np.abs(rise[1:])), 0.0)
-    bend = 0.5 * np.abs(np.diff(rise))
+    turn = 0.5 * np.diff(rise)
+    bend, back = np.abs(turn), np.pad(turn, 1, "reflect" if turn.size > 1 else "constant")
     beside = np.maximum(np.append(bend[1:], 0.0), np.insert(bend[:-1], 0, 0.0))
     limit = max(15 * float(np.median(bend)), 1e-8 * float(np.ptp(values)), 0.5 * float(values.std()))
-    found = np.flatnonzero((bend > limit) & (bend > 1.5 * beside) & (out > 0.5 * bend)) + 1
+    single = (bend > 1.5 * beside) & (-np.sign(turn) * (back[:-2] + back[2:]) > KINK * bend)
+    found = np.flatnonzero((bend > limit) & single & (out > 0.5 * bend)) + 1
     if 0 < found.size <= SPIKES * len(values) + 1:
         first = found[0]
         then = f", then at t = {_first_times(record, found[1:])} s" if found.size > 1 else ""

@@ -186,10 +186,15 @@ def seconds_of(name: str, told: Told) -> float:
 
 
 def time_candidates(table: Columns) -> list[str]:
-    """Return the columns that look like times by their names."""
+    """Return the columns that look like times by their names.
+
+    One in another unit, such as ``T [C]``, is a time in an unknown unit only where no other may be one.
+    """
     if table.told.time is not None:
         return [table.told.time]
-    return [name for name in table.names if _time_word(name)[0] in TIME_WORDS]
+    named = [name for name in table.names if _time_word(name)[0] in TIME_WORDS]
+    units = {name: unit_of_times(name, table.told) for name in named}
+    return [name for name in named if not units[name] or seconds_in(units[name]) is not None] or named
 
 
 def guess_time(table: Columns, named: Sequence[str] = ()) -> str:

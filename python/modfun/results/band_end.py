@@ -22,7 +22,7 @@ MOVED = 3.0  # standard errors by which an estimate may move
 def end_in_words(fit: Estimates) -> str:
     """Why the default rule looked no further, where its choice ends with what it looked at."""
     rule = fit.band_rule
-    if rule is None or not meets_end(fit):
+    if rule is None or not meets_end(fit) or getattr(fit, "by_response", False):
         return ""
     if rule["k_max"] >= (max(fit.intervals) - 1) // 2:
         return "; these are all lines that the samples show"
@@ -33,7 +33,7 @@ def end_in_words(fit: Estimates) -> str:
 
 def beyond(fit: Estimates) -> Doubt | None:
     """That something lies beyond the end of the default band: a mode, or what lowers the errors."""
-    if not meets_end(fit):
+    if not meets_end(fit) or getattr(fit, "by_response", False):  # of equations; lines say nothing more
         return None
     if _was_asked(fit):
         return _mode(fit) if fit.layout.rational else None
@@ -72,7 +72,7 @@ def _wider(fit: Estimates) -> Doubt | None:
         return None
     edge = float(f"{2 * fit.band[1]:.3g}")
     other = again(fit, fit.records, fit.structure, fit.options.replace(band=(fit.band[0], edge)))
-    if other is None or not gains(fit, other):
+    if other is None or getattr(other, "by_response", False) or not gains(fit, other):
         return None
     was, now = np.asarray(fit.bse), np.asarray(other.bse)
     at = int(np.argmax(np.where(now > 0, was / np.where(now > 0, now, 1.0), 1.0)))

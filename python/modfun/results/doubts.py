@@ -182,7 +182,8 @@ def few_samples(fit: Estimates) -> Doubt | None:
     samples, options = fewest_samples(fit), fit.options
     given = options.band is not None or options.harmonics is not None
     by_rule = fit.band_rule is not None or options.drives
-    if samples >= FEW_SAMPLES or fit.exact_lines or (by_rule and not given):
+    exact = fit.exact_lines or getattr(fit, "by_response", False)
+    if samples >= FEW_SAMPLES or exact or (by_rule and not given):
         return None
     return Doubt(
         f"The highest harmonic used, {fit.band[1]:.4g} rad/s, has {samples:.1f} samples a period; below "

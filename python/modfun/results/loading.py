@@ -93,6 +93,7 @@ def _fit_of(values: dict[str, Any]) -> Fit:
         fields[name] = np.broadcast_to(
             np.atleast_2d(fields[name]), (len(fields["lines"]), fields[name].shape[-1])
         )
+    fields["by_response"] = bool(values.get("by_response", False))
     return EquationFit(layout=layout_of(structure, fields["options"], *channels), **fields)
 
 

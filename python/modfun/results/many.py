@@ -26,11 +26,13 @@ from .estimates import Estimates
 from .fit import Fit
 from .prediction import misses
 from .process_noise import level_names, levels_of, of_many
+from .uneven_noise import UNEVEN
 
 __all__ = ["FitMany"]
 
 # Standard errors. Fits of the same lines agree to 1e-6 of one; what single fits do beside is for larger ones.
 APART = 3.0
+NOT_BY_CHANCE = 1.001 * UNEVEN  # probability of as many records with noise that changes: one alone has this
 
 
 @public
@@ -200,7 +202,7 @@ class FitMany(Elsewhere):
 
     def table(self) -> Table:
         """Mean, standard deviation, median, mean standard error of each parameter: the `usable` fits."""
-        good, changes = self.usable, self.changing.sum()
+        good = self.usable
         values, errors = self.params[good], self.bse[good]
         nothing = np.full(len(self.param_names), np.nan)
         some, two = bool(good.any()), int(good.sum()) > 1
@@ -213,9 +215,17 @@ class FitMany(Elsewhere):
                 "mean_bse": errors.mean(axis=0) if some else nothing,
             },
             title=f"{int(good.sum())} of {len(self)} fits have an estimate"
-            + (f"; the noise of {int(changes)} changes over the record" if changes else "")
+            + self._of_changes()
             + "".join(f"\n{text}" for text in self.doubts),
         )
+
+    def _of_changes(self) -> str:
+        """That the noise of more records changes than would by chance, which finds one in a hundred."""
+        from scipy.special import bdtrc
+
+        count, rows = int(self.changing.sum()), int(self.usable.sum())
+        chance = bdtrc(count - 1, rows, UNEVEN) if count else 1.0
+        return f"; the noise of {count} changes over the record" if chance < NOT_BY_CHANCE else ""
 
     def process_noise(self) -> Table:
         """Levels of noise="process" over the `usable` fits: mean, standard deviation, median, mean error."""

@@ -19,6 +19,7 @@ from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.free import Free
 from ..records.forms import forms_of
+from .contained import contained
 from .estimates import Estimates
 from .shifts import likeliest_lever, likeliest_shift
 from .worth import Key
@@ -385,6 +386,8 @@ def _terms(fit: Estimates, model: Equation) -> Changed:
         where = f" in equation {k + 1}" if len(model.texts) > 1 else ""
         higher = [_next_derivative(y, model.texts[k]) for y in model.outputs]
         for term in dict.fromkeys([*terms, *higher]):
+            if contained(fit, k, term):
+                continue
             texts = [f"{own} + {EXTRA}*{term}" if i == k else own for i, own in enumerate(model.texts)]
             words, key = f"a term in {term}{where} (coefficient {{}})", ("term", str(k), term)
             yield from _tried(words, model, texts, Free(), key)

@@ -56,9 +56,9 @@ class EquationFit(Fit):
     unfolded : tuple of Record
         The records without what sampling folds into the lines under held inputs, where that was taken out.
     unsettled : bool
-        Whether what sums over the samples err by could not be taken out of nonlinear equations.
+        Whether what sums over the samples err by could not be taken out of the equations.
     by_response : bool
-        Whether this is the least squares of the response, as sums over the records have no answer.
+        Whether this is the least squares of the response, as sums over the records err or have no answer.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
@@ -106,7 +106,7 @@ class EquationFit(Fit):
     def message(self) -> str:
         """The status in words, with the cure."""
         if self.success and self.by_response:
-            return "Least squares of the response, as sums over the record have no such minimum."
+            return "Least squares of the response, as sums over the record err or have no such minimum."
         if self.status == "rank" and (told := self._without_bounds()):
             return told
         if self.status == "rank":
@@ -334,7 +334,8 @@ class EquationFit(Fit):
 
     def own_values(self) -> dict[str, Any]:
         """What is kept of it besides what all fits have."""
-        return {"levels": self.levels.tolist(), "seen": self.seen.tolist()}
+        own: dict[str, Any] = {"levels": self.levels.tolist(), "seen": self.seen.tolist()}
+        return own | ({"by_response": True} if self.by_response else {})
 
 
 def _valued(values: F64) -> tuple[list[slice], float, str]:

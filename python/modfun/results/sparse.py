@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..base.cached import kept
+from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.options import Options
 from .cures import again
@@ -22,7 +23,7 @@ ALIKE = 0.5  # of an estimate's distance, beyond which sums over samples have ma
 RARE = 0.01  # probability by F below which that is no scatter of few lines
 CURE = (
     "Estimates are biased, and no standard error counts that. First take more samples where the outputs "
-    "move; for these few, fit simulations, as scipy.optimize.least_squares does."
+    "move; for these few, fit simulations, "
 )
 
 
@@ -35,7 +36,7 @@ def sparse(fit: Estimates) -> Doubt | None:
     """
     if not fit.usable or fit.options.noise != "output" or fit.df_resid < 1:
         return None
-    if all(rec.dt is not None for rec in fit.records or ()):
+    if getattr(fit, "unsettled", False) or all(rec.dt is not None for rec in fit.records or ()):
         return _unsettled(fit)
     from scipy.special import fdtrc
 
@@ -54,22 +55,31 @@ def sparse(fit: Estimates) -> Doubt | None:
                 return Doubt(
                     f"The simulated {name} is {size:.3g} (rms) off its samples, {ratio:.2g} "
                     "times the noise on the lines: the signals move between samples, which are up to "
-                    f"{np.diff(rec.t).max():.3g} s apart, or the model is another. {CURE}"
+                    f"{np.diff(rec.t).max():.3g} s apart, or the model is another. {_cure(fit)}"
                 )
     return None
 
 
+def _cure(fit: Estimates) -> str:
+    """More samples, or what needs no sums."""
+    steps = "as scipy.optimize.least_squares does."
+    if isinstance(fit.structure, Equation):  # others' times have to be even
+        steps = "mf.rivals.output_error(model, start=dict(fit.params))(rec)."
+    return CURE + steps
+
+
 def _unsettled(fit: Estimates) -> Doubt | None:
-    """That sums over even samples err by what the fit's own response could not tell, and residuals are quiet.
+    """That sums over samples err by what the fit's own response could not tell, and residuals are quiet.
 
     Louder ones have a doubt of their own.
     """
     if not getattr(fit, "unsettled", False) or suspicious(fit):  # of equations
         return None
-    step = max(float(rec.dt or 0.0) for rec in fit.records or ())
+    step = max(float(np.diff(rec.t).max()) for rec in fit.records or ())
+    upto = "" if all(rec.dt for rec in fit.records or ()) else "up to "
     return Doubt(
-        f"Sums over the samples err, since the signals move between them: they are {step:.3g} s apart. The "
-        f"correction by the fit's own response did not settle. {CURE}"
+        f"Sums over the samples err, since the signals move between them: they are {upto}{step:.3g} s apart. "
+        f"The correction by the fit's own response did not settle. {_cure(fit)}"
     )
 
 
@@ -104,5 +114,5 @@ def of_sums(
     step = max(float(np.diff(rec.t).max()) for rec in records)
     return Doubt(
         f"The signals move between samples, which are {step:.3g} s apart, so that sums over them err: "
-        f"{seen}, and a simulation with that number at the same instants differs alike. {CURE}"
+        f"{seen}, and a simulation with that number at the same instants differs alike. {_cure(fit)}"
     )

@@ -192,6 +192,8 @@ def _band(fit: Estimates) -> str:
     lines = ", ".join(f"{lo} to {hi}" for lo, hi in dict.fromkeys(fit.lines))
     text = f"{low:.4g} to {high:.4g} rad/s (lines {lines})"
     rule = fit.band_rule
+    if getattr(fit, "by_response", False):  # of equations
+        return f"{text}, from which a search went on to least squares of the response"
     if rule is not None:
         return (
             f"{text}: chosen as the narrowest whose standard errors are within 1 % of those up to line "

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..base.arguments import public
 from ..base.optional import optional
 from ..base.tables import Table
+from ..errors import SpecError
 from ..records.record import Record
 from .drawing import study
 from .drawing_estimates import histogram, quantiles
@@ -130,6 +131,14 @@ class Results(Figures):
         )
 
     # Parts -----------------------------------------------------------------------------------------
+
+    if not TYPE_CHECKING:  # type checkers know that there are no brackets
+
+        def __getitem__(self, label: Any) -> Any:
+            plain = isinstance(label, str | float | int)
+            axes = [name for name, labels in self.axes.items() if plain and label in labels]
+            here = " or ".join(f"sel({name}={label!r})" for name in axes) or "sel(...), with labels of axes"
+            raise SpecError(f"Results have no brackets: use {here}")
 
     def sel(self, **labels: Any) -> Results:
         """The results of some labels alone: cells, estimators, parameters.

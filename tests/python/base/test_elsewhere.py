@@ -60,3 +60,16 @@ def test_the_package_says_what_functions_of_matlab_are_called_here(name, here):
         getattr(mf, name)
     for known in re.findall(r"mf\.(\w+)", here):
         getattr(mf, known)
+
+
+def test_brackets_of_a_study_are_those_of_its_axes(objects):
+    with pytest.raises(mf.SpecError, match=r"Results have no brackets: use sel\(estimator='ml'\)$"):
+        objects["study"]["ml"]
+    with pytest.raises(mf.SpecError, match=r"use sel\(\.\.\.\), with labels of axes$"):
+        objects["study"]["MLE"]
+
+
+def test_a_bootstrap_names_what_holds_its_replicates(objects):
+    again = mf.bootstrap(objects["fit"], replicates=4, progress=False)
+    with pytest.raises(AttributeError, match=r"has no attribute 'samples': use params, \(replicate"):
+        again.samples  # noqa: B018

@@ -2,6 +2,7 @@
 
 import pickle
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import modfun as mf
@@ -169,6 +170,17 @@ def test_errors_of_a_batch_allow_for_noise_that_changes() -> None:
     assert np.mean((limits[..., 0] < truth) & (limits[..., 1] > truth)) > 0.905
     assert np.median(many.bse / many.bse_even) > 1.2
     assert "the noise of 150 changes over the record" in str(many.table())
+
+
+@pytest.mark.parametrize(
+    ("count", "rows", "said"), [(0, 20, False), (2, 20, False), (3, 20, True), (20, 20, True), (1, 1, True)]
+)
+def test_the_title_does_not_report_what_chance_finds(count: int, rows: int, said: bool) -> None:
+    """The noise of 1 of 200 ordinary records was said to change, which the test finds in one of a hundred."""
+    many = mf.fit_many(changing_batch(20, 1.0), mf.TransferFunction(poles=2, zeros=0))
+    many = replace(many, status=np.where(np.arange(20) < rows, "ok", "rank"))
+    many.__dict__["_looked"] = np.arange(20) < count, many.bse_even
+    assert ("changes over the record" in str(many.table())) is said
 
 
 @pytest.mark.statistics

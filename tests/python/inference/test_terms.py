@@ -440,6 +440,10 @@ REFUSED = {
         lambda rec: mf.select_terms(rec, "polynomial of y to 2"),
         "write a family as",
     ),
+    "a family of nothing": (
+        lambda rec: mf.select_terms(rec, "polynomials up to 3"),
+        "not 'polynomials up to 3', which does not say of which signals",
+    ),
     "no number": (lambda rec: mf.select_terms(rec, 3), "SpecError"),
     "its left side": (lambda rec: mf.select_terms(rec, "y, y'"), "left side of its own equation"),
     "not exact": (

@@ -379,6 +379,15 @@ def test_a_channel_named_t_is_no_time(file):
     assert rec["T"][-1] == pytest.approx(189.0)
 
 
+def test_a_temperature_with_its_unit_is_no_time(file):
+    """It was noted as a time in an unknown unit, and both columns might be the time."""
+    path = file(text("t [s],T [C],q", ",", ROWS))
+    assert columns(path)["note"].tolist()[1:] == ["", ""]
+    assert read(path, outputs="q").dt == pytest.approx(0.02)
+    alone = columns(file(text("T [C],p,q", ",", ROWS)))  # where nothing else may be the time
+    assert "unknown unit" in alone["note"][0]
+
+
 @pytest.mark.parametrize("head", [",q\ns,deg", "t,q\ns,deg"])
 def test_a_line_of_units_is_no_header(file, head):
     table = columns(file(text(head, ",", [row[:2] for row in ROWS])))

@@ -132,6 +132,18 @@ def test_check_inputs_that_move_together():
     assert said("move together (correlation -1.000)", y=Y, u=[U, -3 * U])
 
 
+def test_the_end_of_an_infusion_is_no_outlier():
+    """28 of 60 such peaks were, where the input drops and the output begins to decay. Spikes still are."""
+    t = np.arange(0, 24.5, 0.5)
+    rest = np.maximum(t - 2, 0)
+    y = 25 / 3 * (1 - np.exp(-0.3 * np.minimum(t, 2))) * np.exp(-0.3 * rest)
+    for seed in range(20):
+        noisy = y + 0.05 * np.random.default_rng(seed).standard_normal(t.size)
+        u, spiked = np.where(t < 2, 50.0, 0.0), noisy + 2.0 * (t == 2)
+        assert "outlying" not in str(mf.Record(y=noisy, u=u, t=t).check())
+        assert "1 outlying sample, the first at t = 2 s" in str(mf.Record(y=spiked, u=u, t=t).check())
+
+
 def test_check_outliers_and_where():
     spiked = Y.copy()
     spiked[[50, 300]] += 8.0
