@@ -13,7 +13,7 @@ from .doubts import Doubt, noise_free
 from .estimates import Estimates
 from .feedback import way_back
 from .further import fitted, stationary
-from .misfit import too_large
+from .misfit import bends_in_loop, too_large
 
 __all__ = ["COMMAND", "command_of", "driven_loop"]
 
@@ -42,7 +42,7 @@ def driven_loop(fit: Estimates) -> Doubt | None:
     if noise == "output" and (not too_large(level_p(fit)) or noise_free(fit) is not None):
         return None
     loop = way_back(fit)
-    if loop is None:
+    if loop is None or (noise == "output" and bends_in_loop(fit)):
         return None
     fits = _on_one_band(fit)
     if noise not in fits or len(fits) == 1:
