@@ -54,12 +54,14 @@ def driven_loop(fit: Estimates) -> Doubt | None:
     name, was, now, far = furthest(fit, other)
     if fit.success and far < FAR:
         return None
+    low, high = other.band  # in fewer lines of coloured noise what comes back does not cancel
+    over = f", band=({low:.4g}, {high:.4g})" if best == "coloured" else ""
     than = " and ".join(f"{_bic(one):.5g} {WORDS[word]}" for word, one in fits.items() if word != best)
     return Doubt(
         f"{loop.channel} follows earlier innovations of {loop.output} (p = {loop.p_value:.1g}): a loop feeds "
         "back a slow disturbance, as that of wind on an aircraft with an autopilot. First try "
-        f'noise="{best}": BIC on one band is {_bic(other):.5g}, against {than}, and {name} becomes {now} '
-        f"(was {was}).{_commanded(fit)}",
+        f'noise="{best}"{over}: BIC on one band is {_bic(other):.5g}, against {than}, and {name} becomes '
+        f"{now} (was {was}).{_commanded(fit)}",
         sure=True,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 
 import modfun as mf
@@ -32,30 +33,39 @@ def held(seed: int, limit: float = np.inf, load: float = 0.03) -> mf.Record:
     return mf.Record(y=y, u=u, dt=STEP, intersample="zoh")
 
 
-def fitted(rec: mf.Record) -> tuple[mf.Fit, str]:
+def fitted(rec: mf.Record, **words: object) -> tuple[mf.Fit, str]:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        fit = mf.fit(rec, MODEL)
+        fit = mf.fit(rec, MODEL, **words)
     return fit, "; ".join(str(one.message) for one in caught)
 
 
 @pytest.mark.parametrize("seed", [1, 4, 8])
 def test_a_slow_load_in_a_loop_is_no_saturation(seed: int) -> None:
-    """In noise of three shapes the powers of u had p-values of 2e-8 to 2e-13, whose cure made b0 2.8."""
+    """In noise of three shapes the powers of u had p-values of 2e-8 to 2e-13, whose cure made b0 2.8.
+
+    Coloured noise over many lines is advised: on the default band b0 was 0.5 errors low in the mean of 150.
+    """
     fit, text = fitted(held(seed))
     assert "powers" not in text
     found = "; ".join(fit.check())
     assert "powers" not in found
-    assert 'noise="coloured"' in found
+    advised = re.search(r'noise="coloured", band=\((.*?), (.*?)\)', found)
+    assert advised, found
+    band = (float(advised[1]), float(advised[2]))
+    assert band[1] > 7
+    cured, left = fitted(held(seed), noise="coloured", band=band)
+    assert left == ""
+    assert np.max(np.abs(cured.params - [1.2, 2.0, 2.0]) / cured.bse) < 3.5
 
 
 def test_powers_in_loops_are_found_as_often_as_chance_does() -> None:
-    """Three tests of 30 records: two records have one below 3e-4 four times in 10,000, if each is exact."""
+    """Three tests of 15 records: two records have one below 0.001 once in 1,000 times, if each is exact."""
     odd = 0
-    for seed in range(20, 50):
+    for seed in range(20, 35):
         fit, _ = fitted(held(seed))
         odd += any(
-            one.p_value < 3e-4 for one in diagnose(fit).further if one.what in ("gain", "power", "change")
+            one.p_value < 0.001 for one in diagnose(fit).further if one.what in ("gain", "power", "change")
         )
     assert odd <= 1
 
