@@ -117,7 +117,7 @@ class _Descent:
     was put between, up to twice the noise.
     """
 
-    def __init__(self, fit: Any, halved: int) -> None:
+    def __init__(self, fit: Any, halved: int = HALVED) -> None:
         self.fit, self.halved = fit, halved
         self.moving = np.flatnonzero(fit.cov_nonrobust.diagonal() > 0)  # not on a bound
         self.steps = PART * np.sqrt(fit.cov_nonrobust.diagonal())

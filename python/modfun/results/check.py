@@ -56,7 +56,7 @@ from .known_start import contradicted_p, gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
-from .misfit import UNLIKELY, misfit, of_colour, of_drift, of_residuals, of_tone
+from .misfit import UNLIKELY, bends_in_loop, misfit, of_colour, of_drift, of_residuals, of_tone
 from .multiplied import misweighted, multiplied
 from .next_structures import best_cure
 from .noise_modes import noise_mode
@@ -212,6 +212,8 @@ def fed_back(fit: Estimates) -> Doubt | None:
             f"and the estimates may be those of the latter. {_by_command(fit, u, STANDS)}"
         )
         return Doubt(text, sure=found.p_value < SURE)
+    if bends_in_loop(fit):
+        return None
     if not command_of(fit) and (driven := driven_loop(fit)):
         return driven
     return Doubt(

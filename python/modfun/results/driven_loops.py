@@ -13,7 +13,7 @@ from .doubts import Doubt, noise_free
 from .estimates import Estimates
 from .feedback import way_back
 from .further import fitted, stationary
-from .misfit import too_large
+from .misfit import bends_in_loop, too_large
 
 __all__ = ["COMMAND", "command_of", "driven_loop"]
 
@@ -42,7 +42,7 @@ def driven_loop(fit: Estimates) -> Doubt | None:
     if noise == "output" and (not too_large(level_p(fit)) or noise_free(fit) is not None):
         return None
     loop = way_back(fit)
-    if loop is None:
+    if loop is None or (noise == "output" and bends_in_loop(fit)):
         return None
     fits = _on_one_band(fit)
     if noise not in fits or len(fits) == 1:
@@ -54,12 +54,14 @@ def driven_loop(fit: Estimates) -> Doubt | None:
     name, was, now, far = furthest(fit, other)
     if fit.success and far < FAR:
         return None
+    low, high = other.band  # in fewer lines of coloured noise what comes back does not cancel
+    over = f", band=({low:.4g}, {high:.4g})" if best == "coloured" else ""
     than = " and ".join(f"{_bic(one):.5g} {WORDS[word]}" for word, one in fits.items() if word != best)
     return Doubt(
         f"{loop.channel} follows earlier innovations of {loop.output} (p = {loop.p_value:.1g}): a loop feeds "
         "back a slow disturbance, as that of wind on an aircraft with an autopilot. First try "
-        f'noise="{best}": BIC on one band is {_bic(other):.5g}, against {than}, and {name} becomes {now} '
-        f"(was {was}).{_commanded(fit)}",
+        f'noise="{best}"{over}: BIC on one band is {_bic(other):.5g}, against {than}, and {name} becomes '
+        f"{now} (was {was}).{_commanded(fit)}",
         sure=True,
     )
 

@@ -4,38 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
-from .._core import unforeseen
 from ..base.arrays import F64
 from .derived import cancelling, stable
 from .diagnosis import level_p
 from .doubts import noise_free
 from .estimates import Estimates
+from .followers import (
+    LAGS,
+    PAST,
+    Answer,
+    follows,
+    lags_of,
+    led_inputs,
+    likeliest,
+    long_past,
+    signals_of,
+    triangular,
+)
 from .further import simulated, testable
 from .gradients import response_gradients
-from .innovations import Innovations, innovations, regressed
+from .innovations import Innovations, regressed
 from .line_residuals import line_residuals
 from .misfit import too_large
 
 __all__ = ["Feedback", "feedback", "way_back"]
 
-LAGS = 6  # samples after which an input may respond to a residual
-PAST = 12  # of its own samples, from which it is predicted
-LONG = 60  # of these, before innovations are said to move it: a delay or a clock may reach far back
-SHORTEST = 5 * (LAGS + PAST)  # samples
-LONGEST = 1 << 12  # samples of a record that are looked at
-ASKED = 0.01  # p-value from which on residuals are looked at more closely
-CERTAIN = 1e-4  # the same of innovations, whose model is a rough one
-MOST = 1 << 16  # samples of a record whose residuals are laid out in time
 ALONE = 10.0  # of log likelihood: from there on residuals explain an input better than outputs do
 CANCELS = 2.0  # standard errors between a pole and a zero, at most
-NEW = 0.01  # of an input's rms: what its past does not predict is more, or it knows no noise
 ADDS = 1.0  # of the noise, by which a loop may add to it
-FINE = 1e-4  # of an output's rms: innovations below that are no noise, but what regressions leave
-RESTS = 0.2  # of an input's runs of equal samples that are longer than the shortest: of none that noise moves
 ALL = 1e-4  # of an input's power: what outputs do not explain of one that does nothing but answer them
 NOISE = 0.5  # of the residuals' power, at least, that the noise explains, or the model misses more
 
@@ -82,7 +81,7 @@ def feedback(fit: Estimates) -> Feedback | None:
     below 0.01. Residuals that are not the noise of the high band are coloured noise, or the model is wrong:
     of them innovations are looked at, which no model has made.
     """
-    led = _led(fit) if testable(fit) else {}
+    led = led_inputs(fit) if testable(fit) else {}
     if not led:
         return None
     if too_large(level_p(fit)) or noise_free(fit) is not None:
@@ -103,15 +102,6 @@ def _superfluous(fit: Estimates) -> bool:
     return one and cancelling(fit, fit.params, fit.cov_nonrobust) < CANCELS
 
 
-def _led(fit: Estimates) -> dict[tuple[int, int], F64]:
-    """Inputs (record, input) that are not known from their past, with it: what moves them may be noise."""
-    if fit.options.reference or max(fit.intervals) > MOST:
-        return {}
-    pairs = product(range(len(fit.pieces)), range(len(fit.inputs)))
-    found = {pair: _past(_window(fit, *pair)) for pair in pairs}
-    return {pair: past for pair, past in found.items() if past is not None}
-
-
 def _found(
     fit: Estimates, led: dict[tuple[int, int], F64], residuals: Callable[[Estimates, int], F64]
 ) -> Feedback | None:
@@ -121,25 +111,8 @@ def _found(
     """
     left = {k: residuals(fit, k) for k in {k for k, _ in led}}
     led = {(k, j): past for (k, j), past in led.items() if np.isfinite(left[k]).all()}
-    found = _likeliest(fit, led, left)
+    found = likeliest(fit, led, left)
     return None if found is None else _biased(fit, led, found, [(k, e, None) for k, e in left.items()])
-
-
-Answer = tuple[float, int, int]  # p-value, output, input
-
-
-def _likeliest(
-    fit: Estimates, led: dict[tuple[int, int], F64], left: dict[int, F64], asked: float = ASKED
-) -> Answer | None:
-    """The likeliest way back, its p-value times the number of those that were tried; None above `asked`."""
-    tests = [
-        (_granger(past, e, _lags(fit, j)), i, j)
-        for (k, j), past in led.items()
-        for i, e in enumerate(left[k])
-    ]
-    known = [(p, i, j) for p, i, j in tests if p is not None]
-    p, i, j = min(known, default=(1.0, 0, 0))
-    return (p * len(known), i, j) if known and p * len(known) < asked else None
 
 
 def _biased(
@@ -173,37 +146,13 @@ def way_back(fit: Estimates) -> Feedback | None:
 
     Inputs that are smooth between samples may tell what comes, too: the answer is no proof of a loop.
     """
-    led = _led(fit) if fit.layout.rational else {}
-    followed = _followed(fit, led)
+    led = led_inputs(fit) if fit.layout.rational else {}
+    followed = follows(fit, led)
     if followed is None:
         return None
     led, found, made = followed
     answer = _biased(fit, led, found, [(k, np.zeros((0, 0)), one) for k, one in made.items()])
     return answer if not answer.regulates and answer.back < 0 else None
-
-
-Followed = tuple[dict[tuple[int, int], F64], Answer, dict[int, Innovations]]
-
-
-def _followed(fit: Estimates, led: dict[tuple[int, int], F64]) -> Followed | None:
-    """Inputs that may follow innovations, the likeliest way back from these, and the innovations.
-
-    Those that rest do not: outputs that were filtered forth and back, or read too early, go before their
-    steps.
-    """
-    led = {at: past for at, past in led.items() if not _rests(past[-1])}
-    if not led:
-        return None
-    made = {k: _innovations(fit, k, PAST) for k in {k for k, _ in led}}
-    found = _likeliest(fit, led, {k: one.e for k, one in made.items()}, CERTAIN)
-    if found is None:
-        return None
-    # Of inputs that change at some samples only, and act late, what is long ago says when they do.
-    longer = {k: _innovations(fit, k, _long(fit, k)) for k in made}
-    pasts = {(k, j): _past(_window(fit, k, j), _long(fit, k)) for k, j in led}
-    known = {pair: past for pair, past in pasts.items() if past is not None}
-    found = _likeliest(fit, known, {k: one.e for k, one in longer.items()}, CERTAIN)
-    return None if found is None else (led, found, longer)
 
 
 def _of_innovations(fit: Estimates, led: dict[tuple[int, int], F64]) -> Feedback | None:
@@ -214,7 +163,7 @@ def _of_innovations(fit: Estimates, led: dict[tuple[int, int], F64]) -> Feedback
     """
     assert fit.records is not None
     led = {(k, j): past for (k, j), past in led.items() if fit.records[k].intersample[j] != "smooth"}
-    followed = _followed(fit, led)
+    followed = follows(fit, led)
     if followed is None:
         return None
     led, found, longer = followed
@@ -226,19 +175,13 @@ def _of_innovations(fit: Estimates, led: dict[tuple[int, int], F64]) -> Feedback
     return answer if answer.regulates or (noise > NOISE * whole and answer.back < 0) else None
 
 
-def _rests(u: F64) -> bool:
-    """Whether an input often stands still for longer than its clock, so that no noise moves it."""
-    runs = np.diff(np.flatnonzero(np.diff(u)))
-    return bool(runs.size == 0 or np.mean(runs > runs.min()) > RESTS)
-
-
 def _regulates(fit: Estimates, k: int, j: int) -> bool:
     """Whether the outputs, their past and their sums explain an input, as of a controller at one command."""
-    u, y = _signals(fit, k)
-    size, past = u.shape[1], _long(fit, k)
+    u, y = signals_of(fit, k)
+    size, past = u.shape[1], long_past(fit, k)
     y = y - y.mean(axis=1, keepdims=True)
     time = np.linspace(-1.0, 1.0, size)
-    lags = range(_lags(fit, j).start, past // len(y) + 1)
+    lags = range(lags_of(fit, j).start, past // len(y) + 1)
     late = [row[past - lag : size - lag] for row in y for lag in lags]
     rows = [np.ones(size - past), time[past:], *y.cumsum(axis=1)[:, past:], *late]
     side = u[j, past:] - u[j, past:].mean()
@@ -246,21 +189,9 @@ def _regulates(fit: Estimates, k: int, j: int) -> bool:
     return float(left @ left) < ALL * float(side @ side)
 
 
-def _innovations(fit: Estimates, k: int, past: int) -> Innovations:
-    """Of the window of a record; none where they are as small as what regressions leave of no noise."""
-    u, y = _signals(fit, k)
-    found = innovations(y, u, past, LAGS, [1 - _lags(fit, j).start for j in range(len(u))])
-    found.e[np.std(found.e, axis=1) < FINE * np.std(y, axis=1)] = 0.0
-    return found
-
-
 def _power(fit: Estimates, k: int, made: Innovations) -> F64:
     """Power of the noise on the lines, over that of white noise at the level of the fit, (output, line)."""
     return np.asarray(made.power(_turn(fit, k)) / fit.noise_levels[k][:, None] ** 2)
-
-
-def _long(fit: Estimates, k: int) -> int:
-    return max(PAST, min(LONG, min(fit.intervals[k], LONGEST) // 8))
 
 
 def _in_time(fit: Estimates, k: int) -> F64:
@@ -268,72 +199,6 @@ def _in_time(fit: Estimates, k: int) -> F64:
     assert fit.records is not None
     whole = simulated(fit, k)
     return np.zeros((0, 0)) if whole is None else (fit.records[k].y[:, -whole.shape[1] :] - whole)[:, :-1]
-
-
-def _granger(past: F64, e: F64, lags: range) -> float | None:
-    """p-value of an F test that residuals say nothing of an input beside its past; None if nobody can tell.
-
-    `past` are columns of `_past`, the last of them the input itself.
-    """
-    from scipy.special import fdtrc
-
-    size, start = past.shape[1], len(past) - 2  # the samples before the first one
-    late = np.array([e[start - lag :][:size] for lag in lags])
-    _, alone = regressed(past[:-1], past[-1])
-    _, both = regressed(np.concatenate([past[:-1], late]), past[-1])
-    left, freedom = float(both @ both), size - start - 1 - len(late)
-    if freedom < 1 or not late.any():
-        return None
-    gained = max(float(alone @ alone) - left, 0.0)
-    with np.errstate(divide="ignore"):
-        return float(fdtrc(len(late), freedom, np.divide(gained / len(late), left / freedom)))
-
-
-def _past(u: F64, past: int = PAST) -> F64 | None:
-    """A constant, the samples of an input before each one, and these, (column, time).
-
-    None where these are known from those before, by cubics through four of them or by a regression on all.
-    What that leaves of an input is left of each of its columns: of another none comes near rounding.
-    """
-    if u.size < SHORTEST or unforeseen(u) <= NEW:
-        return None
-    u, size = u - u.mean(), u.size - past
-    rows = np.array([np.ones(size), *(u[past - lag :][:size] for lag in range(1, past + 1)), u[past:]])
-    factor, _ = _factor(rows)
-    return None if factor is None or factor[-1, -1] <= NEW else rows
-
-
-def _factor(columns: F64) -> tuple[F64 | None, F64]:
-    """Triangular factor of the correlations of columns (column, time), None if they are dependent; norms."""
-    products = columns @ columns.T
-    sizes = np.sqrt(products.diagonal())
-    try:
-        return np.linalg.cholesky(products / (sizes * sizes[:, None])), sizes
-    except np.linalg.LinAlgError:
-        return None, sizes
-
-
-def _window(fit: Estimates, k: int, j: int) -> F64:
-    """Samples of an input that are looked at."""
-    u: F64 = _signals(fit, k)[0][j]
-    return u
-
-
-def _signals(fit: Estimates, k: int) -> tuple[F64, F64]:
-    """Samples of inputs and outputs of a record that are looked at."""
-    assert fit.records is not None
-    rec = fit.records[k]
-    u, y = (part[:, rec.intervals - fit.intervals[k] : -1][:, :LONGEST] for part in (rec.u, rec.y))
-    return u, y
-
-
-def _lags(fit: Estimates, j: int) -> range:
-    """Lags of residuals; a held input moves the output later only, so the same sample counts."""
-    held = fit.intersample[j] == "zoh" and all(
-        row[j] is None or row[j] < order  # type: ignore[operator]
-        for row, order in zip(fit.layout.numerators, fit.layout.orders, strict=True)
-    )
-    return range(0 if held else 1, LAGS + 1)
 
 
 Pull = tuple[F64, F64, F64]
@@ -407,15 +272,15 @@ def _loop(fit: Estimates, k: int, j: int, led: list[int], e: F64) -> Loop | None
     Columns as (signal, which, lag), their coefficients and the covariance of these; None where the columns
     are dependent, or half as many as the samples.
     """
-    u, y = _signals(fit, k)
+    u, y = signals_of(fit, k)
     size = u.shape[1] - PAST
     own = [("u", i, lag) for i in led for lag in range(1, (PAST if i == j else LAGS) + 1)]
     best, found = np.inf, None
     for kind, seen in (("y", y), ("e", e)):
-        whose = own + [(kind, i, lag) for i in range(len(seen)) for lag in _lags(fit, j)]
+        whose = own + [(kind, i, lag) for i in range(len(seen)) for lag in lags_of(fit, j)]
         columns = [(u if one == "u" else seen)[i, PAST - lag :][:size] for one, i, lag in whose]
         rows = np.array([*columns, u[j, PAST:]])
-        factor, sizes = _factor(rows - rows.mean(axis=1, keepdims=True))
+        factor, sizes = triangular(rows - rows.mean(axis=1, keepdims=True))
         freedom = size - len(rows)
         if factor is None or freedom < len(rows) or len(seen) < len(y):
             continue

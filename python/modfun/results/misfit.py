@@ -26,6 +26,7 @@ from .diagnosis import Diagnosis, diagnose, level_p, level_ratio, measured_lines
 from .doubts import SURE, Doubt, crowded, noise_free, numbers
 from .driven_equations import driven
 from .estimates import Estimates
+from .followers import in_loop
 from .further import Explained, event_p, stationary
 from .line_tests import colour_of_lines, correlation_of_lines
 from .missing_modes import UNSPOKEN, like_gusts, linear_instead, missing_mode, tone_left
@@ -37,6 +38,7 @@ __all__ = [
     "LEVEL",
     "SUREST",
     "UNLIKELY",
+    "bends_in_loop",
     "misfit",
     "of_colour",
     "of_drift",
@@ -99,6 +101,17 @@ def _uneven(fit: Estimates, least: float) -> bool:
         if colour_of_lines(pieces)[0].p_value < least or correlation_of_lines(pieces)[0].p_value < least:
             return True
     return event_p(fit) < least
+
+
+@kept
+def bends_in_loop(fit: Estimates) -> bool:
+    """Whether powers explain residuals beyond doubt though a loop feeds the noise back.
+
+    A controller winds up at a limit, which looks like an event or a slow disturbance, too.
+    """
+    tests = diagnose(fit, UNLIKELY).further
+    least = SUREST / max(len(tests), 1)
+    return any(one.what in ("gain", "power") and one.p_value < least for one in tests) and in_loop(fit)
 
 
 def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> list[Doubt | None]:

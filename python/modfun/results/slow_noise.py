@@ -13,8 +13,9 @@ from .cures import DRIFT, ENOUGH, again, likely_cure
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
+from .followers import in_loop
 from .misfit import SUREST, UNLIKELY, refuted, suspicious
-from .origin import LEAST_GAIN, origin, smaller_errors
+from .origin import LEAST_GAIN, origin, smaller_errors, wide_band
 from .unseen_events import settles_otherwise
 from .worth import worth
 
@@ -104,11 +105,14 @@ def _structural(fit: Estimates, drift: Estimates) -> bool:
 def _weighted(fit: Estimates, warnings_of: Warned) -> tuple[Estimates, str] | None:
     """The fit with weights of the noise spectrum, and its options in words, on the narrowest band in order.
 
-    The default band is chosen by white noise: where that is strong, steep noise needs more lines.
+    The default band is chosen by white noise: where that is strong, steep noise needs more lines. In a loop
+    it is no matter of order: over all lines what comes back of the noise cancels, over few it biases.
     """
     other, words = in_coloured_noise(fit), 'noise="coloured"'
     top = min([2 * np.pi / (FEWEST * rec.dt) for rec in fit.records or () if rec.dt], default=0.0)
     low, edge = fit.band
+    if in_loop(fit) and fit.options.band is None and fit.options.harmonics is None:
+        other, edge = None, wide_band(fit)[1] / 2
     while other is None or not other.success or warnings_of(other):
         edge = float(f"{2 * edge:.3g}")
         if fit.options.band is not None or fit.options.harmonics is not None or edge > top:

@@ -10,7 +10,7 @@ from .diagnosis import diagnose
 from .doubts import SURE, Doubt, clipped, joined, noise_free
 from .estimates import Estimates
 from .further import event, stationary
-from .misfit import UNLIKELY, refuted, suspicious
+from .misfit import UNLIKELY, bends_in_loop, refuted, suspicious
 from .next_structures import best_cure
 
 __all__ = ["settles_otherwise", "unseen_event"]
@@ -39,6 +39,8 @@ def unseen_event(fit: Estimates) -> Doubt | None:
         one.what in ("event", "spike") and one.p_value < UNLIKELY for one in diagnose(fit, UNLIKELY).further
     ):
         return None  # is told already
+    if bends_in_loop(fit):
+        return None
     other = in_coloured_noise(fit)
     found = event(other) if other is not None and other.success else None
     if found is None or not found.p_value < SURE or not _inside(fit, found.time) or settles_otherwise(fit):

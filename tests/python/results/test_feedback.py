@@ -9,7 +9,8 @@ import modfun as mf
 import numpy as np
 import pytest
 from loops import LEVEL, MODEL, TRUTH
-from modfun.results.feedback import LAGS, PAST, _granger, _lags, _led, _loop, _residuals, feedback
+from modfun.results.feedback import _loop, _residuals, feedback
+from modfun.results.followers import LAGS, PAST, granger, lags_of, led_inputs
 from scipy.signal import lfilter
 from scipy.stats import f
 
@@ -111,7 +112,7 @@ def test_the_regression_is_that_of_least_squares() -> None:
         warnings.simplefilter("ignore")
         fit = mf.fit(loops.record(LEVEL, 3), MODEL)
     e = _residuals(fit, 0)[0]
-    found = _granger(_led(fit)[0, 0], e, _lags(fit, 0))
+    found = granger(led_inputs(fit)[0, 0], e, lags_of(fit, 0))
     u = fit.records[0].u[0, -fit.intervals[0] - 1 : -1]
     u = u - u.mean()
     first = 0 if fit.intersample == ("zoh",) else 1
