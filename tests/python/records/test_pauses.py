@@ -43,9 +43,9 @@ def test_pauses_in_which_outputs_move_are_refused(model):
 
 
 def test_pauses_over_which_outputs_hardly_move_are_taken():
-    """Estimates of such records are within their errors."""
+    """State spaces fitted to these are within 2.3 standard errors of the truth."""
     for seed in range(3):
-        rec = paused(seed, (10, 10.7), (20, 20.8), slow=4.0)
+        rec = paused(seed, (10, 10.7), slow=4.0)
         steps = np.diff(rec.t)
         assert steps.max() > 15 * steps.mean()
         refuse_gap("fit", rec)
