@@ -24,7 +24,7 @@ MANY = 10  # usual steps make a gap
 SPREAD = 3.0  # the 90 % quantile of the steps over that of 10 %, at least, of rows written at changes
 OVERSHOT = 1.5  # dead bands: the usual change over long steps, at most; any other signal moves further
 PAUSE = 15  # mean steps: of samples at random times, 1 step in 3 million is longer
-MOVED = 0.6  # of a signal's deviation that lines over pauses miss: of 1.0, 1 fit of 24 was right, of 0.25 5 of 5 were
+MOVED = 0.6  # of a deviation, missed by lines over pauses: of 1.0, 1 fit of 24 was right, of 0.25 5 of 5 were
 KNOWN = 0.5  # of the longest gap that fits take: apart of values between rows that say "no change"
 
 Own = TypeVar("Own", bound=Samples)
