@@ -141,9 +141,10 @@ def line(left: str, entries: Iterable[tuple[Entry, str]]) -> str:
     for entry, name in entries:
         if entry == 0:
             continue
-        if entry == 1:
-            parts.append(name)
-            continue
-        text = entry if isinstance(entry, str) else f"{entry:g}"
-        parts.append(f"{text if text.isalnum() or not isinstance(entry, str) else f'({text})'}*{name}")
-    return f"{left} = {' + '.join(parts) or '0'}"
+        if isinstance(entry, str):
+            sign, factor = "+", entry if entry.isalnum() else f"({entry})"
+        else:
+            sign, factor = "-" if entry < 0 else "+", "" if abs(entry) == 1 else f"{abs(entry):g}"
+        parts += [sign, f"{factor}*{name}" if factor else name]
+    first = "-" if parts[:1] == ["-"] else ""
+    return f"{left} = {first}{' '.join(parts[1:]) or '0'}"

@@ -27,6 +27,7 @@ from .cures import (
     STRONG,
     WORTH,
     again,
+    as_declared,
     bic_beside,
     of_written,
     on_band,
@@ -465,7 +466,7 @@ def _line(fit: Estimates, way: _Way) -> str:
     new, more = way.between(word), []
     if new != word:
         kinds = [*rec.intersample[:k], new, *rec.intersample[k + 1 :]]
-        more.append(f"intersample={kinds if len(kinds) > 1 else new!r} in the record")
+        more.append(f"{as_declared(fit, kinds)} in the record")
     if way.lag and fit.layout.rational:
         more.append(f"poles={fit.layout.orders[0] - 1}")
     return f"rec.assign({way.channel}={made}){' with ' if more else ''}{' and '.join(more)}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite, log, nan
 from typing import Any
@@ -14,6 +14,7 @@ from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
 from ..models.options import Options
+from ..models.process import ProcessNoise
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
@@ -23,9 +24,9 @@ from .shifts import Shift, likeliest_shift
 from .worth import Key, worth
 
 __all__ = [
-    "ALIGNED", "CLOSE", "DRIFT", "ENOUGH", "WORTH", "Cure", "Realigned", "again", "again_at_all", "amplified",
-    "as_shift", "bic_beside", "convincing", "earlier_by", "furthest", "integral_missing", "likely_cure",
-    "of_written", "on_band", "otherwise", "realigned", "with_drift",
+    "ALIGNED", "CLOSE", "DRIFT", "ENOUGH", "WORTH", "Cure", "Realigned", "again", "again_at_all",
+    "amplified", "as_declared", "as_shift", "bic_beside", "convincing", "earlier_by", "furthest",
+    "integral_missing", "likely_cure", "of_written", "on_band", "otherwise", "realigned", "with_drift",
 ]  # fmt: skip
 
 DRIFT = 'trend="linear"'  # words of that cure
@@ -386,3 +387,11 @@ def again_at_all(
 def otherwise(rec: Record, channel: int, word: str) -> Record:
     """The record with an input that goes so between its samples."""
     return rec._like(intersample=(*rec.intersample[:channel], word, *rec.intersample[channel + 1 :]))
+
+
+def as_declared(fit: Estimates, words: Sequence[str]) -> str:
+    """How inputs go between samples, as a `Record` takes it, which has none that nobody measured."""
+    noise = fit.options.noise
+    unmeasured = noise.names if isinstance(noise, ProcessNoise) else ()
+    kinds = [word for name, word in zip(fit.inputs, words, strict=True) if name not in unmeasured]
+    return f"intersample={kinds if len(kinds) > 1 else kinds[0]!r}"

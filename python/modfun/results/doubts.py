@@ -62,6 +62,7 @@ MISSED, HELD = 0.5, 0.9
 # An unstable mode that is one of the system shows: within the record it grows a thousandfold, and its pole is
 # four standard errors from the axis.
 VISIBLE, CERTAIN = math.log(1000.0), 4.0
+TOLD = 3.0  # standard errors of a pole from 0, below which it may as well be there
 # Noise, % of the output, below which nothing is said of the bias of "ls" and "wls". At 1 % it is a tenth to
 # nine tenths of their scatter over bands of up to 20 lines, at 5 % up to twice the scatter.
 LITTLE = 0.5
@@ -231,7 +232,14 @@ def unstable(fit: Estimates) -> Doubt | None:
     slow = not fit.layout.rational and growing * longest < math.log(2)  # such as the spiral of an aircraft
     if growing <= 0 or slow:
         return None
-    doubtful = fit.layout.rational and growing * longest > VISIBLE and growing < CERTAIN * _growth_error(fit)
+    visible = growing * longest > VISIBLE
+    doubtful = fit.layout.rational and visible and growing < CERTAIN * _growing(fit)[1]
+    if fit.layout.rational and not visible and (held := _integrator(fit)):
+        return Doubt(
+            f"A pole is not told from 0: its real part is {growing:.3g} ± {_growing(fit)[1]:.2g} rad/s. If "
+            f"the system integrates, say so, {held}.",
+            sure=False,
+        )
     cure = f"try another number of poles, select_order{_stable_words(fit)}"
     if not fit.layout.rational:
         cure = "look for a term, a sign or a unit that is wrong"
@@ -265,16 +273,26 @@ def _stable_words(fit: Estimates) -> str:
     return ", or the nearest stable model, fit.stable()" if fit.layout.rational and fit.inputs else ""
 
 
-def _growth_error(fit: Estimates) -> float:
-    """Standard error of the largest real part of the poles."""
-    worst, error = -math.inf, 0.0
+def _integrator(fit: Estimates) -> str:
+    """What holds the pole of the largest real part at 0, where noise alone may have moved it from there."""
+    i, error, pole = _growing(fit)
+    name = fit.layout.names[fit.layout.places[0][i] + fit.layout.orders[i] - 1]
+    if pole.imag or pole.real > TOLD * error or name not in fit.param_names:
+        return ""
+    return f"params={{{name!r}: 0.0}}"
+
+
+def _growing(fit: Estimates) -> tuple[int, float, complex]:
+    """The output of the pole with the largest real part, the standard error of that part, and the pole."""
+    found = (0, 0.0, complex(-math.inf))
     for _, i in fit.denominators():
         poles, slopes = fit.pole_gradients(i)
         at = int(np.argmax(poles.real))
-        if poles[at].real > worst:
-            worst, slope = float(poles[at].real), slopes[at].real
+        if poles[at].real > found[2].real:
+            slope = slopes[at].real
             error = math.sqrt(max(float(slope @ fit.cov_params() @ slope), 0.0))
-    return error
+            found = (i, error, complex(poles[at]))
+    return found
 
 
 def minima(fit: Estimates) -> Doubt | None:

@@ -26,6 +26,7 @@ from .origin import wide_band
 __all__ = ["beside_turbulence", "driven", "one_cause"]
 
 GUST = "gust"  # name of the input that nobody measured
+SCALE = 1.0  # s: its length over the airspeed
 POLES = 1 - np.logspace(-3, 0.1, 40)  # of noise of first order, a sample
 WHITE = np.append(0.0, np.logspace(-5, 0, 30))  # white noise beside it, of the mean power
 BINS, FEWEST = 12, 8  # of frequencies, and of lines in each
@@ -120,7 +121,7 @@ def _of_gusts(
     fit: Estimates, model: Any, options: Options, band: tuple[float, float]
 ) -> Iterator[tuple[str, Estimates]]:
     """Fits of one gust over a band, in words."""
-    gust = options.replace(noise=ProcessNoise(**{GUST: dryden(1.0)}), method="ml")
+    gust = options.replace(noise=ProcessNoise(**{GUST: dryden(SCALE)}), method="ml")
     for words, structure in _gusts(fit, model):
         other = _with(fit, structure, gust)
         if other is not None and other.band == band:
@@ -131,7 +132,8 @@ def _gusts(fit: Estimates, model: Any) -> Iterator[tuple[str, Any]]:
     """One cause that acts on all equations as a measured state does, in words and as a structure."""
     if len(fit.outputs) < 2 or GUST in (*model.all_parameters, *model.outputs, *model.inputs):
         return
-    words = f"an input {GUST} that acts as {{}} does and noise=mf.ProcessNoise({GUST}=mf.dryden(tau))"
+    noise = f"noise=mf.ProcessNoise({GUST}=mf.dryden({SCALE}))"
+    words = f"an input {GUST} that acts as {{}} does and {noise}"
     if isinstance(model, StateSpace):
         shown = [state_of(c, d) for c, d in zip(model.C, model.D, strict=True)]
         for j in sorted({state for state in shown if state is not None}):

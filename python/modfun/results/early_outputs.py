@@ -10,7 +10,7 @@ from ..base.cached import kept
 from ..base.names import listed
 from ..models.free import Free
 from ..records.record import Record
-from .cures import CLOSE, WORTH, again, bic_beside, on_band, otherwise
+from .cures import CLOSE, WORTH, again, as_declared, bic_beside, on_band, otherwise
 from .diagnosis import growth
 from .doubts import Doubt, still_held
 from .estimates import Estimates
@@ -55,9 +55,9 @@ def early_output(fit: Estimates) -> Doubt | None:
     )
     beside = f" One more zero does about as well (BIC {leads:.4g})." if leads < best + CLOSE else ""
     if before - declared > MOST * (before - best):  # exact of averages, where a shift is about right
-        kinds = list(_unheld(records[0]).intersample)
+        kinds = _unheld(records[0]).intersample
         why = [WHY[word] for word in dict.fromkeys(kinds) if word in WHY]
-        cure = f"First declare intersample={kinds if len(kinds) > 1 else kinds[0]!r}: {', and '.join(why)}"
+        cure = f"First declare {as_declared(fit, kinds)}: {', and '.join(why)}"
         return Doubt(f"{seen} {cure} (BIC falls from {before:.4g} to {declared:.4g}).{beside}")
     return Doubt(
         f"{seen} First store outputs a step later, {_later_by_a_step(records)}, and let delays be a step "

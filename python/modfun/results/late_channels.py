@@ -14,6 +14,7 @@ from .cures import (
     Cure,
     Realigned,
     again,
+    as_declared,
     as_shift,
     bic_beside,
     furthest,
@@ -163,9 +164,7 @@ def _declared(fit: Estimates, channel: str, word: str) -> Cure | None:
     left, before, after = likeliest_shift(other, channel), bic_beside(fit, fit), bic_beside(other, fit)
     if left is None or left.p_value < UNLIKELY or not after < before - WORTH:
         return None
-    kinds = list(changed[0].intersample)
-    given = repr(kinds if len(kinds) > 1 else word)
-    return Cure(f"intersample={given} in the record", before, after, level_p(other))
+    return Cure(f"{as_declared(fit, changed[0].intersample)} in the record", before, after, level_p(other))
 
 
 def _of_time(cure: Cure, shift: Shift) -> bool:

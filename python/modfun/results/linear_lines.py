@@ -223,9 +223,12 @@ def lines_beside(
 def equation_lines(fit: Estimates) -> list[C128] | None:
     """Residuals of linear equations (equation, line) of each record over what noise of the high band makes.
 
-    Without what ends of the records add. None where equations are not linear, or no noise is seen.
+    Without what ends of the records add. None where equations are not linear, times are uneven, or no noise
+    is seen.
     """
     model, levels = linear_of(fit), fit.high_band_levels
+    if any(rec.dt is None for rec in fit.records or ()):
+        return None
     if model is None or len(levels) != len(fit.outputs) or not np.all(levels > 0):
         return None
     found = []

@@ -12,7 +12,7 @@ from ..models.free import Free
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from .cures import CLOSE, ENOUGH, WORTH, Cure, again, bic_beside, on_band, otherwise, with_drift
+from .cures import CLOSE, ENOUGH, WORTH, Cure, again, as_declared, bic_beside, on_band, otherwise, with_drift
 from .diagnosis import growth, level_p
 from .estimates import Estimates
 from .rewritten import in_words, rewritten
@@ -86,8 +86,7 @@ def _neighbours(
     for word in ("zoh", "smooth", "foh"):
         if fit.intersample[channel] not in (word, MIXED):
             changed = tuple(otherwise(rec, channel, word) for rec in records)
-            given = repr(list(changed[0].intersample)) if several else repr(word)
-            yield f"intersample={given} in the record", changed, fit.structure
+            yield f"{as_declared(fit, changed[0].intersample)} in the record", changed, fit.structure
     if fit.intersample[channel] == "zoh" or records[0]._seen.get(name) == BY_FIT:
         words = f"{name} a sample earlier, since it acts in its own sample (y[:-1] with {name}[1:])"
         yield words, tuple(_earlier(rec, channel) for rec in records), fit.structure

@@ -6,7 +6,7 @@ from ..base.between import form_of
 from ..base.cached import kept
 from ..records.record import Record
 from ..records.slower import held, ordinal
-from .cures import again, bic_beside, on_band, otherwise
+from .cures import again, as_declared, bic_beside, on_band, otherwise
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
@@ -50,7 +50,7 @@ def _held(fit: Estimates, channel: int) -> Doubt | None:
     words = otherwise(rec, channel, "zoh").intersample
     return Doubt(
         f"{_seen(rec, channel)} and is declared {rec.intersample[channel]}. First give "
-        f"intersample={words if len(words) > 1 else words[0]!r} in the record: {fallen}.",
+        f"{as_declared(fit, words)} in the record: {fallen}.",
         sure=True,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..base.between import OPEN, form_of
 from ..records.record import Record
-from .cures import again, bic_beside, furthest, on_band, otherwise
+from .cures import again, as_declared, bic_beside, furthest, on_band, otherwise
 from .doubts import Doubt
 from .estimates import Estimates
 
@@ -40,12 +40,11 @@ def undeclared(fit: Estimates) -> Doubt | None:
     fallen = bic_beside(fit, fit) - bic_beside(other, fit)
     parameter, was, now, _ = furthest(fit, other)
     held, moved = (kinds, read) if word == "zoh" else (read, kinds)
-    given, else_given = (held, moved) if len(read) > 1 else (held[0], moved[0])
     return Doubt(
         f"Nobody declared how input {name!r} goes between samples. {how}, it fits about as "
         f"well (BIC {'falls' if fallen > 0 else 'rises'} by {abs(fallen):.2g}), and {parameter} is {now} "
-        f"instead of {was}. If it was held, give intersample={given!r}; else declare "
-        f"intersample={else_given!r}.",
+        f"instead of {was}. If it was held, give {as_declared(fit, held)}; else declare "
+        f"{as_declared(fit, moved)}.",
         sure=_walks(first, name),
     )
 

@@ -257,6 +257,8 @@ def system_of(given: Any, delay: Any = 0.0, what: str = "mf.tf") -> LTI:
         return tf(num, given.den, delay=delay)
     if hasattr(given, "to_tf"):
         return system_of(given.to_tf(), delay, what)
+    if isinstance(model := getattr(given, "model", None), LTI):  # of a fit or a reduction
+        return system_of(model, delay, what)
     raise SpecError(
         f"{what}: got only {type(given).__name__}; give num and den, or a system of python-control or SciPy"
     )

@@ -248,3 +248,11 @@ def test_levels_that_the_residuals_agree_with_stay(seed):
 def test_a_derivative_that_is_written_otherwise_is_refused(text):
     with pytest.raises(mf.SpecError, match="write the derivative of y as y'"):
         mf.Equation(text)
+
+
+def test_a_model_reads_as_one_writes_it():
+    model = mf.StateSpace(
+        [["Yb", 0.08, -0.99], [-1, 1, "-k"], [-2.5, 0, 0]], [0, "b", -1], states=["v", "p", "r"], inputs=["u"]
+    )
+    assert str(model) == "v' = Yb*v + 0.08*p - 0.99*r; p' = -v + p + (-k)*r + b*u; r' = -2.5*v - u"
+    assert str(mf.Equation([one.text for one in model.parsed], outputs=["v", "p", "r"], inputs=["u"]))

@@ -243,3 +243,11 @@ def test_a_free_motion_is_refused_in_words():
     fit = mf.fit(mf.Record(y=y, dt=0.005), mf.TransferFunction(poles=2, zeros=0))
     with pytest.raises(mf.SpecError, match="a free motion has no input"):
         fit.model.to_control()
+
+
+def test_a_fit_or_a_reduction_stands_for_its_model():
+    rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=128, seed=0)
+    fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
+    assert np.array_equal(mf.tf(fit).poles(), fit.model.poles())
+    assert np.array_equal(mf.ss(fit).A, mf.ss(fit.model).A)
+    assert mf.ss(mf.reduce(fit.model, 1)).A.shape == (1, 1)
