@@ -420,15 +420,14 @@ class _Writer:
                     slopes.append((at, k))
                     derivatives.append(slope)
         late = [self._late(expr) for _, _, expr in self.signals]
+        each = zip(self.signals, late, strict=True)
         linear = not slopes_of_signals and all(k is None for _, k in late)
         linear = linear and not any(d.free_symbols for d in derivatives)
         uses_variance = any(v in expr.free_symbols for expr in results for v in self.noise.values())
         free = [compiled.free.get(name, _ANYTHING) for name in compiled.parameters]
         words = {
             "orders": list(compiled.orders),
-            "signals": [
-                (kinds, delay, k) for (_, kinds, _), (delay, k) in zip(self.signals, late, strict=True)
-            ],
+            "signals": [(kinds, delay, k) for (_, kinds, _), (delay, k) in each],
             "terms": self.terms,
             "coefficients": tape([*self.coefficients, *derivatives], parameters),
             "slopes": slopes,
