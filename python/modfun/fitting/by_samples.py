@@ -221,4 +221,6 @@ class _Descent:
         scale[self.moving] = errors / np.sqrt(fit.cov_nonrobust.diagonal()[self.moving])
         covs = {name: getattr(fit, name) * np.outer(scale, scale) for name in COVARIANCES}
         over = np.exp(np.mean(np.log(np.array(self.levels) / fit.noise_levels), axis=0))
-        return replace(fit, params=params, noise_cov=fit.noise_cov * np.outer(over, over) * square, **covs)
+        return replace(
+            fit, params=params, noise_cov=fit.noise_cov * np.outer(over, over) * square, status="ok", **covs
+        )

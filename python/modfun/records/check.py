@@ -106,7 +106,7 @@ def _missing(record: Samples) -> Iterator[str]:
         yield (
             f"{_count(int(lengths.sum()), 'row')} of {len(record.t)} are missing, {int(length)} in a row at "
             f"most, from t = {record.t[first]:g} s; their outputs are masked{filled}. Split the record there "
-            "if the inputs moved in the gap, rec.window(...)."
+            f"if the inputs moved in the gap, rec.split(gap={length * float(record.dt or 0) / 2:.2g})."
         )
 
 

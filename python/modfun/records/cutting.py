@@ -48,8 +48,8 @@ def pieces_every(t: F64, every: float) -> Pieces:
     return [(int(a), int(b) + 1) for a, b in pairwise(edges)], f"split(every={length:g})"
 
 
-def pieces_between(t: F64, gap: float) -> Pieces:
-    """Cut where neighbouring samples are more than `gap` seconds apart; pieces too short are left out.
+def pieces_between(t: F64, gap: float, rows: NDArray[np.intp]) -> Pieces:
+    """Cut where neighbouring rows with samples are more than `gap` seconds apart; short pieces are left out.
 
     Raises
     ------
@@ -61,8 +61,8 @@ def pieces_between(t: F64, gap: float) -> Pieces:
     least = real("split", "gap", gap, finite=False)
     if not least > 0:
         raise SpecError(f"split: gap={gap!r} must be a positive number of seconds")
-    what, edges = f"split(gap={least:g})", np.flatnonzero(np.diff(t) > least) + 1
-    starts, ends = np.concatenate([[0], edges]), np.concatenate([edges, [len(t)]])
+    what, before = f"split(gap={least:g})", np.flatnonzero(np.diff(t[rows]) > least)
+    starts, ends = rows[np.append(0, before + 1)], rows[np.append(before, -1)] + 1
     if np.max(ends - starts) < FEWEST:
         raise DataError(
             f"{what}: the longest of {len(starts)} pieces has {np.max(ends - starts)} samples, and a record "

@@ -16,6 +16,7 @@ __all__ = ["at_rows", "completed"]
 
 MOST = 0.2  # of the rows may be lost
 LONGEST = 0.1  # of the rows may be lost in a row, as in a fit of masked samples
+OUTSIDE = 0.5  # of the range around a gap: what a spline leaves it by, at most
 ALIKE = 0.25  # of the usual step: what other steps between neighbouring rows differ from it, at most
 
 
@@ -78,8 +79,23 @@ def _all(values: F64, rows: NDArray[np.intp], lost: Mask, words: Any) -> F64:
         elif word == "foh" or known.size < 4:
             own[:] = np.interp(every, rows, known)
         else:
-            from scipy.interpolate import CubicSpline
-
-            own[:] = CubicSpline(rows, known)(every)
+            own[:] = _smooth(rows, known, lost)
             own[rows] = known
+    return found
+
+
+def _smooth(rows: NDArray[np.intp], known: F64, lost: Mask) -> F64:
+    """A spline through the known rows; where it leaves what stands around a gap, the curve that does not."""
+    from scipy.interpolate import CubicSpline, PchipInterpolator
+
+    every = np.arange(lost.size)
+    found = np.asarray(CubicSpline(rows, known)(every))
+    flat = None
+    for first, length in zip(*runs(lost), strict=True):
+        gap = slice(first, first + length)
+        near = known[np.searchsorted(rows, first - length) : np.searchsorted(rows, first + 2 * length)]
+        spread = OUTSIDE * np.ptp(near)
+        if found[gap].max() > near.max() + spread or found[gap].min() < near.min() - spread:
+            flat = PchipInterpolator(rows, known) if flat is None else flat
+            found[gap] = flat(every[gap])
     return found

@@ -14,8 +14,8 @@ from ..base.samples import FEWEST, channels_of, floats
 from ..errors import DataError, SpecError
 
 __all__ = [
-    "Mask", "filled", "hides_much", "leaving_out", "mask_of", "refuse_own_noise", "refuse_scarce", "rows_of",
-    "runs", "sample_weights", "scarce", "sigma_of",
+    "Mask", "filled", "hides_much", "leaving_out", "mask_of", "present", "refuse_own_noise", "refuse_scarce",
+    "rows_of", "runs", "sample_weights", "scarce", "sigma_of",
 ]  # fmt: skip
 
 Mask = NDArray[np.bool_]
@@ -36,6 +36,11 @@ def mask_of(given: ArrayLike | None, shape: tuple[int, int], axis: int = -1) -> 
         )
     mask: Mask = flags == 1.0
     return None if mask.all() else mask
+
+
+def present(lost: Mask | None, count: int) -> NDArray[np.intp]:
+    """Rows of a record that were there, and not lost."""
+    return np.arange(count) if lost is None else np.flatnonzero(~lost)
 
 
 def rows_of(given: Any, outputs: Sequence[str], count: int) -> Any:

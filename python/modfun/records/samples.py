@@ -28,7 +28,7 @@ from ..base.samples import (
 from ..errors import DataError, ModfunWarning, SpecError
 from .cutting import SLACK, pieces_between, pieces_every, pieces_on
 from .functions import known, sampled, shown, warn_of_others
-from .mask import Mask, filled, mask_of, refuse_scarce, rows_of, scarce, sigma_of
+from .mask import Mask, filled, mask_of, present, refuse_scarce, rows_of, scarce, sigma_of
 
 __all__ = ["Samples"]
 
@@ -244,7 +244,7 @@ class Samples(Elsewhere):
         if on is not None:
             return self._pieces(*pieces_on(self.t, self[on], on))
         if gap is not None:
-            return self._pieces(*pieces_between(self.t, gap))
+            return self._pieces(*pieces_between(self.t, gap, present(self._lost, self.t.size)))
         assert every is not None
         return self._pieces(*pieces_every(self.t, every))
 

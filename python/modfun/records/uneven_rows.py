@@ -15,7 +15,7 @@ from ..errors import DataError, ModfunWarning, SpecError
 from .dead_band import CHANGES, missing_small
 from .functions import sampled
 from .lost_rows import LONGEST, at_rows
-from .mask import runs
+from .mask import present, runs
 from .samples import Samples
 
 __all__ = ["even", "refuse_gap", "written_at_changes"]
@@ -25,6 +25,7 @@ SPREAD = 3.0  # the 90 % quantile of the steps over that of 10 %, at least, of r
 OVERSHOT = 1.5  # dead bands: the usual change over long steps, at most; any other signal moves further
 PAUSE = 15  # mean steps: of samples at random times, 1 step in 3 million is longer
 MOVED = 0.6  # of a deviation, missed by lines over pauses: of 1.0, 1 fit of 24 was right, of 0.25 5 of 5 were
+STILL = 0.3  # of its deviation: what an input moves around lost rows, at most, where it stood meanwhile
 KNOWN = 0.5  # of the longest gap that fits take: apart of values between rows that say "no change"
 
 Own = TypeVar("Own", bound=Samples)
@@ -123,6 +124,7 @@ def refuse_gap(what: str, rec: Samples) -> None:
     DataError
     """
     if rec.dt is not None:
+        _refuse_lost(what, rec)
         return
     steps = np.diff(rec.t)
     at = int(np.argmax(steps))
@@ -149,6 +151,29 @@ def refuse_gap(what: str, rec: Samples) -> None:
             f"{rec.t[pauses[0] + 1]:.6g} s{others}, too long for lines to bridge as the outputs move; cut it "
             f"there and fit the pieces together, mf.fit(rec.split(gap={steps[pauses].min() / 2:.2g}), model)"
         )
+
+
+def _refuse_lost(what: str, rec: Samples) -> None:
+    """Refuse rows lost while an input moved: what it did meanwhile, nothing tells."""
+    if rec._lost is None or rec.dt is None:
+        return
+    rows = present(rec._lost, rec.t.size)
+    for first, length in zip(*runs(rec._lost), strict=True):
+        if length <= PAUSE:
+            continue
+        around = slice(max(first - length, 0), first + 2 * length)
+        beside = np.arange(rec.t.size)[around][~rec._lost[around]]
+        ends = [first - 1, first + length]
+        for name, u in zip(rec.inputs, rec.u, strict=True):
+            apart = u[beside] - np.interp(rec.t[beside], rec.t[ends], u[ends])
+            still = np.mean(apart**2) <= STILL**2 * u.var()
+            if still or _missed(rec.t[rows], u[rows], length * rec.dt) <= u.var():
+                continue
+            raise DataError(
+                f"{what}: the record has no samples between {rec.t[ends[0]]:.6g} and {rec.t[ends[1]]:.6g} s, "
+                f"where the input {name!r} moves, and nothing tells how; cut it there and fit the pieces "
+                f"together, mf.fit(rec.split(gap={length * rec.dt / 2:.2g}), model)"
+            )
 
 
 def _pauses(rec: Samples) -> NDArray[np.intp]:

@@ -61,3 +61,44 @@ def test_steps_at_random_times_are_no_pauses():
 def test_equations_at_uneven_times_have_no_residual_lines():
     fit = mf.fit(paused(0), PLANT)
     assert equation_lines(fit) is None
+
+
+def lost(seed, *gaps, quiet=False):
+    """The plant at even times without the rows of the gaps; `quiet`: the input rests from 20 s on."""
+    t = 0.02 * np.arange(2001)
+    u = np.sin((0.5 + 0.06 * t) * t) * ((t < 20) if quiet else 1.0)
+    y = PLANT.model(STATES).simulate(u=u, dt=0.02)
+    y = y + 0.02 * y.std(axis=1, keepdims=True) * np.random.default_rng(seed).normal(size=y.shape)
+    rows = ~np.any([(a < t) & (t < b) for a, b in gaps], axis=0)
+    return Record(y=y[:, rows], u=u[rows], t=t[rows], outputs=["w", "q"], inputs=["de"], intersample="smooth")
+
+
+def test_rows_lost_while_an_input_moves_are_refused():
+    """Of a spline through 2 s of a sweep that were lost, estimates were 5 standard errors off."""
+    rec = lost(0, (10, 12), (30, 32))
+    assert rec.dt == pytest.approx(0.02)
+    with pytest.raises(
+        DataError, match=r"between 10 and 12 s, where the input 'de' moves.*split\(gap=0\.99\)"
+    ):
+        mf.fit(rec, PLANT)
+    assert [piece.mask for piece in rec.split(gap=0.99)] == [None] * 3
+    assert "rec.split(gap=0.99)" in str(rec.check())
+    fit = mf.fit(rec.split(gap=0.99), PLANT)
+    # 5 parameters in one record: beyond 3.9 in one of 2,000 records.
+    assert np.max(np.abs(fit.params - list(STATES.values())) / fit.bse) < 3.9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rows_lost_at_rest_are_bridged(seed):
+    fit = mf.fit(lost(seed, (25, 27), (34, 36), quiet=True), PLANT)
+    assert fit.success
+    assert np.max(np.abs(fit.params - list(STATES.values())) / fit.bse) < 3.9
+
+
+def test_a_spline_over_lost_rows_stays_near_the_samples():
+    """Slopes of noise at both ends of 5 s led it four times the range of an elevator away."""
+    t = 0.02 * np.arange(3001)
+    u = np.where(t < 20, np.sin(t), 0.0) + 1e-3 * np.random.default_rng(0).normal(size=t.size)
+    rows = ~((t > 25) & (t < 30))
+    rec = Record(y=np.sin(t)[rows], u=u[rows], t=t[rows], intersample="smooth")
+    assert np.max(np.abs(rec["u"][(t > 25) & (t < 30)])) < 5e-3
