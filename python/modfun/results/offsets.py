@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ..base.arrays import F64
 from ..base.cached import kept
 from ..equations.equation import Equation
 from ..errors import ModfunError
@@ -40,6 +42,7 @@ ROUNDING = 1e-12  # the same the other way round: a channel that stands, as the 
 # makes them smaller by such a factor.
 AWAY, BENT = 1.5, 2.0
 UNIT = 3.0  # a factor as large is that of a unit
+UNLIKE = 0.01  # probability of a parameter that a constant changes so much by chance
 ABSURD = 1000.0  # times the largest sample of a channel: no sensor is that far off, the equation is another
 
 
@@ -86,6 +89,8 @@ def mean(fit: Estimates) -> Doubt | None:
             return Doubt(f"{told} {cure}")
         # A number in one equation, or a unit or sign of a channel, is said by the look at held numbers.
         return Doubt(number.words) if number.shared or contradicted_numbers(fit) is None else None
+    if told := _assumed(fit, means, spread):
+        return Doubt(told, sure=False)
     # Of several outputs, each channel in each equation takes a fit.
     one = len(fit.outputs) == 1 and not amplified(fit)
     found = _offset_of(fit, math.inf) if one and level_p(fit) < SURE else None
@@ -95,6 +100,30 @@ def mean(fit: Estimates) -> Doubt | None:
             f"{found.words}"
         )
     return None
+
+
+def _assumed(fit: Estimates, means: F64, spread: F64) -> str:
+    """That gains of linear equations rest on outputs that are zero with the inputs, where levels are high.
+
+    Of a step test whose step a late window cuts off, the residuals say nothing: K takes the ambient
+    temperature, with an error of a hundredth of that which a constant beside it leaves.
+    """
+    layout: Any = fit.layout
+    if not layout.compiled.is_linear or not np.any(np.abs(means) > 3 * spread):
+        return ""
+    other = with_constant(fit)
+    if other is None or not other.success:
+        return ""
+    from scipy.special import stdtr
+
+    name, was, now, far = furthest(fit, other)
+    if 2 * float(stdtr(max(other.df_resid, 1), -far)) > UNLIKE:
+        return ""
+    return (
+        f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, and the equations have no "
+        f"constant: {name} is {was} if outputs and inputs are zero together, else {now}, with "
+        'trend="constant".'
+    )
 
 
 def _off_zero(fit: Estimates) -> str:
@@ -174,8 +203,13 @@ def with_constant(fit: Estimates) -> Estimates | None:
     if fit.again is None or fit.records is None:
         return None
     options = on_band(fit, fit.band).replace(trend="constant")
-    other = again(fit, fit.records, fit.structure, options, near=True)
+    other = again(fit, fit.records, fit.structure, options, near=_is_near(fit))
     return other if other is not None and other.params.shape == fit.params.shape else None
+
+
+def _is_near(fit: Estimates) -> bool:
+    """Whether searches may begin at the estimate: what leaves more than noise may be far from the answer."""
+    return level_p(fit) > SURE
 
 
 def is_all(fit: Estimates) -> bool:
@@ -205,7 +239,9 @@ def _number(fit: Estimates) -> _Numbered | None:
             other = model._like(text=texts, params={**dict(model.params), EXTRA: Free()})
         except ModfunError:
             continue
-        made = again(fit, fit.records, other, on_band(fit, fit.band).replace(trend=fit.trend), near=True)
+        made = again(
+            fit, fit.records, other, on_band(fit, fit.band).replace(trend=fit.trend), near=_is_near(fit)
+        )
         if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
             continue
         factor, error = 1 + made[EXTRA], float(made.bse[made.param_names.index(EXTRA)])
@@ -276,7 +312,9 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
     best = min(other, before) - CLOSE
     for x, structure, _ in with_offset(fit.structure):
         for trend in dict.fromkeys((fit.trend, "constant")):
-            made = again(fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend), near=True)
+            made = again(
+                fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend), near=_is_near(fit)
+            )
             if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
                 continue
             if abs(made[EXTRA]) > ABSURD * max(float(np.nanmax(np.abs(rec[x]))) for rec in fit.records):
