@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base.arrays import F64
 from ..base.cached import kept
 from ..base.names import listed
 from ..language.parser import Node
@@ -233,13 +234,9 @@ def unstable(fit: Estimates) -> Doubt | None:
     if growing <= 0 or slow:
         return None
     visible = growing * longest > VISIBLE
-    doubtful = fit.layout.rational and visible and growing < CERTAIN * _growing(fit)[1]
-    if fit.layout.rational and not visible and (held := _integrator(fit)):
-        return Doubt(
-            f"A pole is not told from 0: its real part is {growing:.3g} ± {_growing(fit)[1]:.2g} rad/s. If "
-            f"the system integrates, say so, {held}.",
-            sure=False,
-        )
+    doubtful = fit.layout.rational and visible and growing < CERTAIN * _growing(fit, fit.cov_params())[1]
+    if fit.layout.rational and not visible and (told := _integrator(fit)):
+        return Doubt(told, sure=False)
     cure = f"try another number of poles, select_order{_stable_words(fit)}"
     if not fit.layout.rational:
         cure = "look for a term, a sign or a unit that is wrong"
@@ -274,15 +271,18 @@ def _stable_words(fit: Estimates) -> str:
 
 
 def _integrator(fit: Estimates) -> str:
-    """What holds the pole of the largest real part at 0, where noise alone may have moved it from there."""
-    i, error, pole = _growing(fit)
+    """That noise alone may have moved the pole of the largest real part from 0, and what holds it there."""
+    i, error, pole = _growing(fit, fit.cov_nonrobust)  # others take long for long records
     name = fit.layout.names[fit.layout.places[0][i] + fit.layout.orders[i] - 1]
     if pole.imag or pole.real > TOLD * error or name not in fit.param_names:
         return ""
-    return f"params={{{name!r}: 0.0}}"
+    return (
+        f"A pole is not told from 0: its real part is {pole.real:.3g} ± {error:.2g} rad/s. If the system "
+        f"integrates, say so, params={{{name!r}: 0.0}}."
+    )
 
 
-def _growing(fit: Estimates) -> tuple[int, float, complex]:
+def _growing(fit: Estimates, cov: F64) -> tuple[int, float, complex]:
     """The output of the pole with the largest real part, the standard error of that part, and the pole."""
     found = (0, 0.0, complex(-math.inf))
     for _, i in fit.denominators():
@@ -290,7 +290,7 @@ def _growing(fit: Estimates) -> tuple[int, float, complex]:
         at = int(np.argmax(poles.real))
         if poles[at].real > found[2].real:
             slope = slopes[at].real
-            error = math.sqrt(max(float(slope @ fit.cov_params() @ slope), 0.0))
+            error = math.sqrt(max(float(slope @ cov @ slope), 0.0))
             found = (i, error, complex(poles[at]))
     return found
 
