@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
-__all__ = ["FIT", "FITS", "PACKAGE", "RECORD", "STUDY", "SYSTEM", "Elsewhere"]
+__all__ = ["FIT", "FITS", "PACKAGE", "RECORD", "STUDY", "SYSTEM", "TERMS", "Elsewhere"]
 
 # Name in statsmodels, SciPy, python-control, MATLAB or lmfit, and what to write here.
 _PARAMETERS = {
@@ -35,6 +35,8 @@ FIT: Mapping[str, str] = {
     **dict.fromkeys(("warnings", "doubts"), "check()"),
     "bootstrap": "mf.bootstrap(fit)",
     "collinearity": "mf.collinearity(rec, fit)",
+    **dict.fromkeys(("c2d", "sample"), "mf.c2d(fit.model, dt)"),
+    **dict.fromkeys(("margin", "nyquist"), "mf.plot.nyquist(fit)"),
     "compare": "mf.compare([fit, ...])",
     "crlb": "mf.crlb(fit.model, rec, ...)",
     "cross_validate": "mf.cross_validate(records, models)",
@@ -56,6 +58,12 @@ STUDY: Mapping[str, str] = {
     **dict.fromkeys(("df", "to_dataframe"), "to_pandas()"),
     **dict.fromkeys(("std", "se", "stderr"), "sd"),
     **dict.fromkeys(("save", "dump", "to_json"), "MonteCarlo.run(directory=), which mf.load reads again"),
+}
+TERMS: Mapping[str, str] = {  # of pySINDy
+    **{name: f"fit.{name}" for name in ("predict", "score", "simulate", "params", "bse", "check", "table")},
+    **dict.fromkeys(("coefficients", "coef", "coef_"), "fit.params"),
+    **dict.fromkeys(("print", "equations"), "equation.texts"),
+    **dict.fromkeys(("get_feature_names", "feature_names"), "terms"),
 }
 RECORD: Mapping[str, str] = {
     **dict.fromkeys(("time", "times"), "t"),

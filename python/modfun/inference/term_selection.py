@@ -14,6 +14,7 @@ from ..base import html
 from ..base.arguments import public
 from ..base.arrays import F64
 from ..base.cached import cached_property
+from ..base.elsewhere import TERMS, Elsewhere
 from ..base.tables import Table
 from ..equations.equation import Equation
 from ..errors import ModfunError
@@ -39,7 +40,7 @@ SPARSE, GUESSED, FINE = 0.3, 3.0, 4
 
 @public
 @dataclass(frozen=True, eq=False, repr=False)
-class TermSelection:
+class TermSelection(Elsewhere):
     """The terms of an equation that records support, and the alternatives.
 
     Attributes
@@ -88,6 +89,8 @@ class TermSelection:
     >>> found.terms["y''"]
     ('y', 'y**3', "y'", 'u')
     """
+
+    _elsewhere = TERMS
 
     equation: Equation
     terms: Mapping[str, tuple[str, ...]]

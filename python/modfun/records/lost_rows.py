@@ -56,7 +56,10 @@ def _rows(times: F64) -> tuple[NDArray[np.intp], float] | None:
     """Rows of a grid on which the times lie, and its step; None where too many are missing, or none."""
     steps = np.diff(times)
     usual = float(np.median(steps))
-    single = float(np.mean(steps[np.abs(steps - usual) <= ALIKE * usual]))
+    alike = steps[np.abs(steps - usual) <= ALIKE * usual]
+    if not alike.size:  # half of the steps are much shorter than the other half
+        return None
+    single = float(np.mean(alike))
     apart = np.rint(steps / single)
     longest, count = float(apart.max()) - 1, float(apart.sum()) + 1
     if apart.min() < 1 or not 1 <= longest <= LONGEST * count or count - times.size > MOST * count:

@@ -4,7 +4,7 @@ import re
 
 import modfun as mf
 import pytest
-from modfun.base.elsewhere import FIT, FITS, PACKAGE, RECORD, STUDY, SYSTEM
+from modfun.base.elsewhere import FIT, FITS, PACKAGE, RECORD, STUDY, SYSTEM, TERMS
 
 MODEL = mf.tf([5], [1, 3, 8])
 REC = mf.simulate(MODEL, input="sin(t**2/5)", duration=10, intervals=256, nsr=0.1, seed=1)
@@ -23,12 +23,20 @@ def objects():
         "record": REC,
         "study": STUDIED.run(replicates=8),
         "system": MODEL,
+        "terms": mf.select_terms(REC, "y, y', u, 1", target="y''"),
     }
 
 
 ASKED = [
     (kind, name, here)
-    for kind, words in {"fit": FIT, "fits": FITS, "record": RECORD, "study": STUDY, "system": SYSTEM}.items()
+    for kind, words in {
+        "fit": FIT,
+        "fits": FITS,
+        "record": RECORD,
+        "study": STUDY,
+        "system": SYSTEM,
+        "terms": TERMS,
+    }.items()
     for name, here in words.items()
 ]
 

@@ -118,3 +118,9 @@ def test_clocks_that_jitter_stay_uneven():
     t = T + 1e-3 * DT * np.random.default_rng(0).standard_normal(N + 1)
     assert Record(y=y[SINGLE], u=u[SINGLE], t=t[SINGLE]).dt is None
     assert Record(y=y, u=u, t=np.cumsum(np.random.default_rng(0).integers(1, 3, N + 1))).dt is None
+
+
+def test_no_usual_step_is_no_grid() -> None:
+    """The median step of five even and five longer ones is near none of them: NumPy warned of no numbers."""
+    t = np.array([0, 0.5, 1, 2, 3, 4, 6, 8, 12, 16, 24.0])
+    assert mf.Record(y=np.exp(-t), t=t).dt is None
