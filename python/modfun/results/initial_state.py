@@ -241,8 +241,10 @@ def find_state(
         z, _ = search.refine(z, length, rounds, NEARLY)
     for rtol, tol in ((ROUGH, NEARLY), (FINE, TOL)) if len(rec.outputs) > 1 else ((FINE, TOL),):
         left = search.weigh(z)
-        if rtol == FINE and left > LOST:
-            break
+        if rtol == FINE and left > LOST:  # of chaos, or on a plateau that small steps lead off
+            z, _ = search.refine(z, count, rounds, TOL)
+            if search.weigh(z) > LOST:
+                break
         search.rtol = rtol
         z, _ = search.refine(z, count, rounds, tol)
     here = search.at(z, count)  # DataError: it leaves all bounds, and says when
