@@ -29,7 +29,7 @@ from ..results.doubts import SURE
 from ..results.fit import Fit
 from ..results.initial_state import find_state
 from ..results.misfit import PLAUSIBLE, UNLIKELY
-from ..results.of_equations import EquationFit
+from ..results.of_equations import EquationFit, parts_with_values
 from .by_samples import deviance, levels_of, weights_of
 from .scales import sizes
 
@@ -116,8 +116,8 @@ def _ends(fit: EquationFit) -> Iterator[F64]:
     assert fit.again is not None
     assert fit.records is not None
     ways: list[tuple[tuple[Record, ...], Options]] = []
-    if valued := fit.valued():
-        ways.append((valued, fit.options))
+    if parts := parts_with_values(fit):
+        ways.append((parts, fit.options))
     ways += [(fit.records, fit.options.replace(method=word)) for word in WAYS]
     for records, options in ways:
         try:

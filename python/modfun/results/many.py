@@ -32,7 +32,7 @@ __all__ = ["FitMany"]
 
 # Standard errors. Fits of the same lines agree to 1e-6 of one; what single fits do beside is for larger ones.
 APART = 3.0
-NOT_BY_CHANCE = 1.001 * UNEVEN  # probability of as many records with noise that changes: one alone has this
+NOT_BY_CHANCE = 1.001 * UNEVEN  # probability of as many changing records by chance: of 1 of 1 it is `UNEVEN`
 
 
 @public
@@ -220,7 +220,7 @@ class FitMany(Elsewhere):
         )
 
     def _of_changes(self) -> str:
-        """That the noise of more records changes than would by chance, which finds one in a hundred."""
+        """How many records have noise that changes, if more than chance finds: 1 in 100."""
         from scipy.special import bdtrc
 
         count, rows = int(self.changing.sum()), int(self.usable.sum())
