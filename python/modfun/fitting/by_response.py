@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64, geometric_mean
-from ..base.least_squares import levenberg_marquardt
+from ..base.least_squares import damped_step, levenberg_marquardt
 from ..base.named import Named
 from ..base.words import TRENDS
 from ..equations.nonlinear import model_of
@@ -231,7 +231,7 @@ class _Search:
             here, _, ended = levenberg_marquardt(
                 again,
                 self._slopes,
-                self._step,
+                damped_step,
                 lambda at, move: self._point(self._within(at.x + move)),
                 enough=0.0,
                 tol=SETTLED,
@@ -264,16 +264,6 @@ class _Search:
         jacobian[:, :p][:, held] = 0.0
         self.sizes = np.maximum(np.abs(here.x), 1e-3 * self.sizes)
         return jacobian
-
-    @staticmethod
-    def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float, float]:
-        size = np.linalg.norm(jacobian, axis=0)
-        size = np.where(size > 0, size, 1.0)
-        u, values, right = np.linalg.svd(jacobian / size, full_matrices=False)
-        seen = u.T @ here.residual
-        step = right.T @ (values / (values**2 + damping) * seen)
-        left = here.residual - jacobian @ (step / size)
-        return step / size, here.cost - float(left @ left), float(step @ step)
 
     def _projected(self, here: _Point) -> F64:
         """Slopes by the parameters beside initial states and trends, which are unknown, too."""

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import F64
-from ..base.least_squares import levenberg_marquardt
+from ..base.least_squares import damped_step, levenberg_marquardt
 from ..base.student import root
 from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
@@ -388,7 +388,7 @@ class _Search:
         here, _, _ = levenberg_marquardt(
             here,
             lambda at: at.jacobian,
-            _step,
+            damped_step,
             moved,
             enough=0.0,
             tol=tol,
@@ -410,12 +410,3 @@ class _Point:
     @property
     def cost(self) -> float:
         return float(self.residual @ self.residual)
-
-
-def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float, float]:
-    size = np.linalg.norm(jacobian, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(size.size)])
-    step = np.linalg.lstsq(rows, np.append(here.residual, np.zeros(size.size)), rcond=None)[0]
-    left = here.residual - jacobian @ (step / size)
-    return step / size, here.cost - float(left @ left), float(step @ step)

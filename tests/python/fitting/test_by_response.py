@@ -151,3 +151,10 @@ def test_a_response_far_above_the_noise_is_no_answer():
         fit = mf.fit(mf.Record(y={"I": y[0]}, dt=1.0), EPIDEMIC)
     assert not fit.success
     assert not fit.by_response
+
+
+def test_replicates_of_a_bootstrap_are_led_on_as_their_fit_was():
+    """None of them had an answer. One of 8 numbers is beyond 4 standard errors once in 2,000 tests."""
+    fit = mf.fit(epidemic(0), EPIDEMIC)
+    again = mf.bootstrap(fit, replicates=4, progress=False)
+    assert np.all(np.abs(again.params - np.asarray(fit.params)) < 4 * np.asarray(fit.bse))
