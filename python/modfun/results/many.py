@@ -193,8 +193,8 @@ class FitMany(Elsewhere):
         """Estimates of one parameter, (replicate,)."""
         if not isinstance(name, str):
             raise SpecError(
-                f"FitMany: [{name!r}] is no parameter, and fits of many records are kept as arrays: params"
-                f"[{name!r}] are the estimates of one; its whole fit is mf.fit(records[{name!r}], model)"
+                f"FitMany: [{name!r}] is no parameter; params[{name!r}] holds the estimates of one record, "
+                f"and mf.fit(records[{name!r}], model) returns its whole fit"
             )
         if name not in self.param_names:
             raise SpecError(f"there is no parameter {name!r}; {nearest(name, self.param_names)}")
@@ -223,7 +223,7 @@ class FitMany(Elsewhere):
         """How many records have noise that changes, if more than chance finds: 1 in 100."""
         from scipy.special import bdtrc
 
-        count, rows = int(self.changing.sum()), int(self.usable.sum())
+        count, rows = int(self.changing[self.usable].sum()), int(self.usable.sum())
         chance = bdtrc(count - 1, rows, UNEVEN) if count else 1.0
         return f"; the noise of {count} changes over the record" if chance < NOT_BY_CHANCE else ""
 
