@@ -9,6 +9,7 @@ import pytest
 from modfun.fitting.by_response import _Search, by_response
 from modfun.fitting.single import fit_quietly
 from modfun.models.options import Options
+from modfun.results.of_equations import parts_with_values
 from scipy.integrate import solve_ivp
 from scipy.special import chdtri
 
@@ -158,3 +159,12 @@ def test_replicates_of_a_bootstrap_are_led_on_as_their_fit_was():
     fit = mf.fit(epidemic(0), EPIDEMIC)
     again = mf.bootstrap(fit, replicates=4, progress=False)
     assert np.all(np.abs(again.params - np.asarray(fit.params)) < 4 * np.asarray(fit.bse))
+
+
+def test_parts_with_values_are_records():
+    """Of pieces shorter than a record an error came, and no response was asked."""
+    rec = epidemic(0)
+    fit = fit_quietly((rec._like(y=np.where(np.arange(101) % 5, 1.0 + rec.y, -1.0)),), EPIDEMIC, Options())
+    assert parts_with_values(fit) == ()
+    whole = fit_quietly((rec,), EPIDEMIC, Options())
+    assert [part.t.size >= 8 for part in parts_with_values(whole)] == [True]
