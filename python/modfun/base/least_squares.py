@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["levenberg_marquardt", "scaled_lstsq"]
+__all__ = ["damped_step", "levenberg_marquardt", "scaled_lstsq"]
 
 F64 = NDArray[np.float64]
 
@@ -97,3 +97,21 @@ def levenberg_marquardt(
         if damping > 1e8:
             return here, nit, "settled"
     return here, maxiter, "maxiter"
+
+
+class WeightedPoint(Point, Protocol):
+    """The same with its weighted residuals."""
+
+    @property
+    def residual(self) -> F64:
+        """What is left, row by row of the Jacobian."""
+
+
+def damped_step(here: WeightedPoint, jacobian: F64, damping: float) -> tuple[F64, float, float]:
+    """The `step` of `levenberg_marquardt` for a dense Jacobian (row, unknown)."""
+    size = np.linalg.norm(jacobian, axis=0)
+    size = np.where(size > 0, size, 1.0)
+    rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(size.size)])
+    step = np.linalg.lstsq(rows, np.append(here.residual, np.zeros(size.size)), rcond=None)[0]
+    left = here.residual - jacobian @ (step / size)
+    return step / size, here.cost - float(left @ left), float(step @ step)

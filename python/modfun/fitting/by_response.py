@@ -15,14 +15,13 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64, geometric_mean
-from ..base.least_squares import levenberg_marquardt
+from ..base.least_squares import damped_step, levenberg_marquardt
 from ..base.named import Named
 from ..base.words import TRENDS
 from ..equations.nonlinear import model_of
 from ..errors import ModfunError
 from ..models.options import Options
 from ..records.functions import drives
-from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.cures import amplified
 from ..results.diagnosis import high_band_df, level_p
@@ -30,7 +29,8 @@ from ..results.doubts import SURE
 from ..results.fit import Fit
 from ..results.initial_state import find_state
 from ..results.misfit import PLAUSIBLE, UNLIKELY
-from ..results.of_equations import EquationFit
+from ..results.of_equations import EquationFit, parts_with_values
+from .by_samples import deviance, levels_of, weights_of
 from .scales import sizes
 
 __all__ = ["by_response"]
@@ -116,8 +116,8 @@ def _ends(fit: EquationFit) -> Iterator[F64]:
     assert fit.again is not None
     assert fit.records is not None
     ways: list[tuple[tuple[Record, ...], Options]] = []
-    if valued := fit.valued():
-        ways.append((valued, fit.options))
+    if parts := parts_with_values(fit):
+        ways.append((parts, fit.options))
     ways += [(fit.records, fit.options.replace(method=word)) for word in WAYS]
     for records, options in ways:
         try:
@@ -131,13 +131,14 @@ def _ends(fit: EquationFit) -> Iterator[F64]:
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Unknowns, with the weighted residuals that they leave, their slopes, and both by record."""
+    """Unknowns, and the residuals that they leave with the slopes of these, both over levels of the noise."""
 
     x: F64
     params: F64
     residual: F64
     jacobian: F64
-    left: list[F64]  # (output, time), not weighted
+    left: list[F64]  # (output, time) of each record, in the units of the outputs
+    levels: list[F64]  # (output,) of each record
     deviance: float  # twice the negative log likelihood, with a level for each output of each record
 
     @property
@@ -159,8 +160,9 @@ class _Search:
             self.wider = with_trend(self.compiled, self.terms)
         low, high = np.array(fit.layout.formulas.words["bounds"], dtype=float).T
         self.low, self.high = low, high
-        self.own = [sample_weights(rec.mask, rec.sigma, rec.y.shape) for rec in self.records]
+        self.own = [weights_of(fit, rec) for rec in self.records]
         self.counts = [np.count_nonzero(own, axis=1) for own in self.own]
+        self.count = sum([int(counts.sum()) for counts in self.counts])
         self.levels = [rec.y.std(axis=1) for rec in self.records]
         self.sizes: F64 = np.empty(0)
 
@@ -182,7 +184,7 @@ class _Search:
 
     def _point(self, x: F64) -> _Point | None:
         p = self.fit.params.size
-        residual, rows, left, place, deviance = [], [], [], p, 0.0
+        residual, rows, left, place, lack = [], [], [], p, 0.0
         steps = STEP * self.sizes
         try:
             for rec, own, counts, level in zip(self.records, self.own, self.counts, self.levels, strict=True):
@@ -206,13 +208,13 @@ class _Search:
                 left.append(own * (rec.y - y[:, 0]))
                 residual.append((left[-1] / level[:, None]).ravel())
                 rows.append(slopes.T)
-                deviance += float(np.sum(counts * np.log(np.sum(left[-1] ** 2, axis=1) / counts)))
+                lack += deviance(left[-1], counts)
         except ModfunError:
             return None
         off, jacobian = np.concatenate(residual), np.concatenate(rows)
         if not np.isfinite(np.sum(jacobian**2) + off @ off):
             return None
-        return _Point(x, x[:p], off, jacobian, left, deviance)
+        return _Point(x, x[:p], off, jacobian, left, self.levels, lack)
 
     @property
     def _trends(self) -> int:
@@ -222,14 +224,14 @@ class _Search:
         """Where steps from a point end at least squares; None where they do not."""
         several = sum([counts.size for counts in self.counts]) > 1
         for _ in range(REWEIGHED if several else 1):
-            self._weigh(here)
+            self.levels = self._levels_of(here)
             again = self._point(here.x)
             if again is None:
                 return None
             here, _, ended = levenberg_marquardt(
                 again,
                 self._slopes,
-                self._step,
+                damped_step,
                 lambda at, move: self._point(self._within(at.x + move)),
                 enough=0.0,
                 tol=SETTLED,
@@ -243,14 +245,10 @@ class _Search:
         found = [end for end in map(self.least, tried[:ENDS]) if end]
         return min(found, key=lambda one: one.deviance) if found else None
 
-    def _weigh(self, here: _Point) -> None:
-        self.levels = self._levels_of(here)
-
     def _levels_of(self, here: _Point) -> list[F64]:
         pairs = zip(here.left, self.counts, self.records, strict=True)
         return [
-            np.maximum(np.sqrt(np.sum(left**2, axis=1) / count), 1e-9 * np.max(np.abs(rec.y)))
-            for left, count, rec in pairs
+            np.maximum(levels_of(left, counts), 1e-9 * np.max(np.abs(rec.y))) for left, counts, rec in pairs
         ]
 
     def _within(self, x: F64) -> F64:
@@ -266,16 +264,6 @@ class _Search:
         jacobian[:, :p][:, held] = 0.0
         self.sizes = np.maximum(np.abs(here.x), 1e-3 * self.sizes)
         return jacobian
-
-    @staticmethod
-    def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float, float]:
-        size = np.linalg.norm(jacobian, axis=0)
-        size = np.where(size > 0, size, 1.0)
-        u, values, right = np.linalg.svd(jacobian / size, full_matrices=False)
-        seen = u.T @ here.residual
-        step = right.T @ (values / (values**2 + damping) * seen)
-        left = here.residual - jacobian @ (step / size)
-        return step / size, here.cost - float(left @ left), float(step @ step)
 
     def _projected(self, here: _Point) -> F64:
         """Slopes by the parameters beside initial states and trends, which are unknown, too."""
@@ -301,24 +289,23 @@ class _Search:
             return 1.0
         freedom = self._freedom(here)
         over = np.array(self._levels_of(here)) / seen
-        square = float(np.mean(over**2)) * sum([int(c.sum()) for c in self.counts]) / freedom
+        square = float(np.mean(over**2)) * self.count / freedom
         return float(fdtrc(freedom, high_band_df(self.fit) * len(self.fit.outputs), square))
 
     def _freedom(self, here: _Point) -> int:
-        return max(here.residual.size - int(np.sum([np.sum(own == 0) for own in self.own])) - here.x.size, 1)
+        return max(self.count - here.x.size, 1)
 
     def told(self, here: _Point) -> EquationFit:
         """The fit with these parameters, and the errors and residuals of their response."""
         fit, freedom = self.fit, self._freedom(here)
-        count = here.residual.size - int(np.sum([np.sum(own == 0) for own in self.own]))
-        level = [own * np.sqrt(count / freedom) for own in self._levels_of(here)]
+        level = [own * np.sqrt(self.count / freedom) for own in self._levels_of(here)]
         steep = self._projected(here)
         size = np.linalg.norm(steep, axis=0)
         inverse = np.linalg.pinv(steep.T @ steep / np.outer(size, size)) / np.outer(size, size)
         plain = inverse * here.cost / freedom
         line, smooth = [
-            _at_least(plain, inverse @ self._coloured(here, steep, width) @ inverse * (count / freedom))
-            for width in (0, max(int(np.sqrt(count)), 8))
+            _at_least(plain, inverse @ self._coloured(here, steep, width) @ inverse * (self.count / freedom))
+            for width in (0, max(int(np.sqrt(self.count)), 8))
         ]
         levels = fit.levels.copy()
         levels[:, : len(fit.outputs)] = level
@@ -344,19 +331,21 @@ class _Search:
             levels=levels,
             pieces=tuple(self._lines(here, level)),
             bend=0.0,
+            unfolded=(),
+            unsettled=False,
             by_response=True,
         )
 
     def _coloured(self, here: _Point, steep: F64, width: int) -> F64:
         """Covariance of the slopes' sums of the residuals, whose spectrum is smoothed over so many lines."""
         found, place = np.zeros((steep.shape[1],) * 2), 0
-        for left, level in zip(here.left, self.levels, strict=True):
+        for left, level in zip(here.left, here.levels, strict=True):
             for row in left / level[:, None]:
                 own = np.fft.fft(steep[place : place + row.size], axis=0)
                 power = np.abs(np.fft.fft(row)) ** 2 / row.size
                 if width:
-                    width = min(width, row.size // 4)
-                    power = np.convolve(np.tile(power, 3), np.ones(2 * width + 1), "same") / (2 * width + 1)
+                    span = 2 * min(width, row.size // 4) + 1
+                    power = np.convolve(np.tile(power, 3), np.ones(span) / span, "same")
                     power = power[row.size : 2 * row.size]
                 found += (own.conj().T @ (own * power[:, None])).real / row.size
                 place += row.size
@@ -364,10 +353,10 @@ class _Search:
 
     def _lines(self, here: _Point, levels: Sequence[F64]) -> Iterator[Any]:
         """The residuals of the response on the lines of the fit, white with unit variance."""
-        for left, level, (low, high) in zip(here.left, levels, self.fit.lines, strict=True):
-            lines = np.fft.rfft(left, axis=1)[:, low : high + 1] / (
-                level[:, None] * np.sqrt(left.shape[1] / 2)
-            )
+        each = zip(here.left, levels, self.counts, self.fit.lines, strict=True)
+        for left, level, counts, (low, high) in each:
+            size = level * np.sqrt(counts / 2)  # masked samples leave nothing
+            lines = np.fft.rfft(left, axis=1)[:, low : high + 1] / size[:, None]
             if low == 0:
                 lines[:, 0] /= np.sqrt(2)
             yield lines

@@ -7,17 +7,19 @@ from math import nan
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import F64
 from ..errors import ModfunError
 from ..records.mask import sample_weights
+from ..records.record import Record
 from ..results.diagnosis import fewest_samples, growth, measured_lines
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
 from ..results.initial_state import slopes
 from ..results.sparse import sparse
 
-__all__ = ["by_samples", "lower_by_samples"]
+__all__ = ["by_samples", "deviance", "levels_of", "lower_by_samples", "weights_of"]
 
 PART = 0.1  # of a standard error: steps of differences
 ROUNDS, HALVED = 12, 5
@@ -48,11 +50,31 @@ def _deviance(fit: Any) -> float:
     """Twice the negative log likelihood, with a level of noise for each output of each record."""
     found = 0.0
     for rec in fit.records:
-        off = (rec.y - fit.simulate(rec)[0]) * sample_weights(rec.mask, rec.sigma, rec.y.shape)
-        counts = rec.y.shape[1] if rec.mask is None else rec.mask.sum(axis=1)
-        with np.errstate(divide="ignore"):  # without noise nothing may be left
-            found += float(np.sum(counts * np.log(np.sum(off**2, axis=1) / counts)))
+        own = weights_of(fit, rec)
+        found += deviance((rec.y - fit.simulate(rec)[0]) * own, np.count_nonzero(own, axis=1))
     return found
+
+
+def weights_of(fit: Any, rec: Record) -> F64:
+    """Weights of samples (output, time) in units of the fit's noise levels, 0 where masked.
+
+    Levels of equations are those of the usual sample, whatever the scale of `sigma`.
+    """
+    sigma = rec.sigma
+    if sigma is not None and not fit.layout.rational:
+        sigma = sigma / np.median(sigma, axis=1, keepdims=True)
+    return sample_weights(rec.mask, sigma, rec.y.shape)
+
+
+def levels_of(left: F64, counts: NDArray[np.intp]) -> F64:
+    """Level of the noise of each output, of residuals (output, time) of which so many count."""
+    return np.asarray(np.sqrt(np.sum(left**2, axis=1) / counts))
+
+
+def deviance(left: F64, counts: NDArray[np.intp]) -> float:
+    """Twice the negative log likelihood of one record's residuals, at the levels that suit them best."""
+    with np.errstate(divide="ignore"):  # without noise nothing may be left
+        return float(np.sum(2 * counts * np.log(levels_of(left, counts))))
 
 
 def by_samples(fit: AnyFit) -> AnyFit:
@@ -121,7 +143,7 @@ class _Descent:
         self.fit, self.halved = fit, halved
         self.moving = np.flatnonzero(fit.cov_nonrobust.diagonal() > 0)  # not on a bound
         self.steps = PART * np.sqrt(fit.cov_nonrobust.diagonal())
-        self.own = [sample_weights(rec.mask, rec.sigma, rec.y.shape) for rec in fit.records]
+        self.own = [weights_of(fit, rec) for rec in fit.records]
         self.levels: list[F64] = list(fit.noise_levels)
         self.begins = fit.options.initial_state not in ("unknown", "periodic")  # as it was told
 
@@ -161,7 +183,7 @@ class _Descent:
             return
         self.levels = list(self.levels)
         for k, (off, own) in enumerate(zip(self._off(params)[0], self.own, strict=True)):
-            level = np.sqrt(np.sum(off**2, axis=1) / np.count_nonzero(own, axis=1))
+            level = levels_of(off, np.count_nonzero(own, axis=1))
             self.levels[k] = np.maximum(level, LEAST * self.fit.noise_levels[k])
 
     def _astray(self, before: list[F64]) -> bool:

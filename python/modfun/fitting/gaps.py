@@ -219,7 +219,8 @@ def variances(rec: Record, off: F64, noise: F64, order: int) -> F64 | None:
         if rec.dt is not None and rec.intervals >= 8 * (order + 4):
             level = noise_level(np.ascontiguousarray(rec.y), order)
         with np.errstate(divide="ignore", invalid="ignore"):
-            own = found * noise + (off / level[:, None]) ** 2
+            usual = np.median(found, axis=1, keepdims=True)  # whose noise the level is
+            own = found * noise + usual * (off / level[:, None]) ** 2
         found = np.where(rec.mask, found, np.where(np.isfinite(own), own, np.inf))
     return np.ascontiguousarray(found)
 

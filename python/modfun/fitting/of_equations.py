@@ -25,6 +25,7 @@ from ..records.spectra import too_short
 from ..results.diagnosis import level_ratio
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
+from ..results.refits import AWAY
 from .arguments import sensible
 from .centred import centred_starts
 from .delay_starts import delay_starts
@@ -32,7 +33,7 @@ from .few_lines import at_least_white
 from .gaps import across, blind, bridged, relative, variances
 from .own_levels import by_own_levels
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
-from .restarts import AWAY, restarted, settled_within
+from .restarts import restarted, settled_within
 from .signs import as_written, positive
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]

@@ -328,9 +328,8 @@ def _refuse(records: Sequence[Record], structure: Any, options: Options) -> None
         constant = options.initial_state == "rest" or _trend(structure, options) is not None
         if constant or not _rests_at_zero(structure):
             raise SpecError(
-                f"{told}: the equations change with time, so they rest in no state before the record but, "
-                'where nothing else drives them, at zero; take initial_state="zero" without a trend if they '
-                'did, else "unknown"'
+                f"{told}: the equations change with time, so they can rest only at zero, and only if nothing "
+                'else drives them; take initial_state="zero" without a trend if they did, else "unknown"'
             )
     if options.initial_state == "rest":
         return

@@ -15,7 +15,7 @@ from ..results.diagnosis import level_ratio
 from ..results.refits import AWAY
 from .scales import sizes
 
-__all__ = ["AWAY", "compared", "restarted", "settled_within"]
+__all__ = ["compared", "restarted", "settled_within"]
 
 FACTOR = 10.0  # of a size either way
 SMALLER = 5.0  # than its size: what a signal is compared with, as a half-saturation

@@ -38,9 +38,8 @@ def fit_quietly(
 ) -> Fit:
     """One fit without its warnings.
 
-    `starts`: where the search of an equation's parameters begins; `near`: whether these are estimates
-    of the same equations; `unfolded`: whether what sampling folds is
-    out of the outputs already, as another fit told.
+    `starts`: where the search of an equation's parameters begins; `near`: whether these are estimates of
+    the same equations; `unfolded`: whether what sampling folds is out of the outputs, as another fit told.
     """
     refuse_uneven(records)
     if options.reference:
@@ -96,7 +95,7 @@ def fit_whole(records: tuple[Record, ...], structure: Any, options: Options, **s
 
 
 def fit_ended(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
-    """The same of records whose inputs are read, led on by its response where that has the answer."""
+    """The same, led on by `by_response`: of records whose inputs are read already, as `fit_as_read` does."""
     return by_response(fit_whole(records, structure, options))
 
 

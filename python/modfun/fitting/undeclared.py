@@ -43,9 +43,8 @@ __all__ = [
     "read_as",
 ]
 
-FitOnce = Callable[
-    ..., Fit
-]  # of records, a structure and options; of equations also with `starts` and `near`
+# Takes records, a structure and options; of equations also `starts` and `near`.
+FitOnce = Callable[..., Fit]
 
 FEW = 4  # records that are asked where each of many is fitted by itself
 

@@ -16,6 +16,7 @@ from ..base.progress import Progress
 from ..base.student import confidence, root, student_tail
 from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
+from ..fitting.by_response import by_response
 from ..fitting.fit import fit_many, threads_of
 from ..fitting.single import fit_quietly
 from ..models.free import Free, priors_of, to_plain
@@ -374,9 +375,11 @@ def _refit(
 ) -> FitMany:
     """Fits of replicates whose samples are `ys`, (replicate, output, time) a record."""
     first = records[0]
+    led_on = getattr(fit, "by_response", False)  # sums alone may have no answer in any replicate
     alike = (
         first.mask is None and first.sigma is None and not first.functions and not priors_of(fit.structure)
     )
+    alike = alike and not led_on
     if len(records) == 1 and first.dt is not None and alike:
         batch = Batch(
             y=ys[0],
@@ -396,7 +399,7 @@ def _refit(
         )
         for structure, *own in zip(structures, *ys, strict=True)
     ]
-    return FitMany.of_fits(fits, fit.structure, held)
+    return FitMany.of_fits([by_response(one) for one in fits] if led_on else fits, fit.structure, held)
 
 
 # What users give ----------------------------------------------------------------------------------

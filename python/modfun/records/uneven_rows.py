@@ -184,7 +184,7 @@ def _pauses(rec: Samples) -> NDArray[np.intp]:
         return found[:0]
     short = steps <= np.median(steps)
     for length in np.unique([float(f"{step:.2g}") for step in steps[found]]):
-        for y in rec.y:
+        for y in rec.y[np.ptp(rec.y, axis=1) > 0]:
             noise = float(np.mean(np.diff(y)[short] ** 2)) / 2
             if _missed(rec.t, y, length) - 1.5 * noise > MOVED**2 * y.var():
                 return np.flatnonzero(steps >= 0.95 * length)

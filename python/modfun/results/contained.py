@@ -17,7 +17,7 @@ from .estimates import Estimates
 
 __all__ = ["contained"]
 
-POINTS = 40  # at random within the records, more than an equation has parameters
+POINTS = 40  # at random within the records: more than the parameters of an equation, or it is not asked
 STEP = 1e-5  # of signals and parameters: differences
 SAME = 1e-6  # of a term: what rounding leaves of one that is there
 PRIMED = re.compile(r"(?<![\w.])([A-Za-z_]\w*)('+)")
@@ -31,7 +31,7 @@ def contained(fit: Estimates, k: int, term: str) -> bool:
     """
     try:
         signals, columns = _flow(fit)
-        if not signals or k not in columns or columns[k].shape[1] < 1:
+        if not signals or not 0 < columns[k].shape[1] < POINTS:
             return False
         column = np.broadcast_to(_function(term, list(signals))(signals), POINTS)
     except (ModfunError, ArithmeticError, KeyError, TypeError, ValueError):

@@ -30,7 +30,7 @@ STEEPEST = 4.0  # slope of the noise's log power over log frequency that the tes
 SHARES = np.append(0.0, 1 - np.logspace(-4, -0.05, 30)[::-1])  # of noise that drives the system
 LARGE = 1e100  # a simulated output beyond it is that of an unstable model and explains nothing
 BESIDE = 16  # samples on either side of one that show how strong the noise is there
-ODD = 0.01  # p-value below which a loop is asked for
+ODD = 0.01  # p-value below which it is asked whether there is a loop
 SAME = 1e-3  # columns closer to the fitted ones, or to one another, are the same
 
 
@@ -90,16 +90,16 @@ def _of_output(fit: Estimates, i: int, simulated: Sequence[F64 | None], enough: 
     found = []
     for k, name in enumerate(fit.inputs):
         found.append(lines.response(name, [b.responses(k) for b in blocks]))
-        found.append(_outside(lines.tested("gain", name, [b.gains(k) for b in blocks]), blocks, lines))
-    found.append(_outside(lines.tested("power", y, [b.powers() for b in blocks]), blocks, lines))
-    found.append(_outside(lines.tested("change", y, [b.changes() for b in blocks]), blocks, lines))
+        found.append(_of_loop(lines.tested("gain", name, [b.gains(k) for b in blocks]), blocks, lines))
+    found.append(_of_loop(lines.tested("power", y, [b.powers() for b in blocks]), blocks, lines))
+    found.append(_of_loop(lines.tested("change", y, [b.changes() for b in blocks]), blocks, lines))
     if fit.trend == "constant":
         found.append(lines.tested("drift", y, [b.drifts() for b in blocks]))
     return found + _spikes(fit, i, simulated)
 
 
-def _outside(one: Explained, blocks: Sequence[_Block], lines: Residual) -> Explained:
-    """The same, but where it seems odd in a loop, with the larger of its p-values there and in `tested`.
+def _of_loop(one: Explained, blocks: Sequence[_Block], lines: Residual) -> Explained:
+    """The test; in a loop with the larger of its p-value and that in noise of the residuals' own spectrum.
 
     Inputs of a loop hold the noise, and so do powers of them. Only what acts later than the noise of its own
     sample tells, weighted by the spectrum of this noise (L. Ljung, System Identification, 1999, section

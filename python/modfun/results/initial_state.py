@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import F64
-from ..base.least_squares import levenberg_marquardt
+from ..base.least_squares import damped_step, levenberg_marquardt
 from ..base.student import root
 from ..base.words import TRENDS
 from ..equations.nonlinear import NonlinearModel, model_of
@@ -241,8 +241,10 @@ def find_state(
         z, _ = search.refine(z, length, rounds, NEARLY)
     for rtol, tol in ((ROUGH, NEARLY), (FINE, TOL)) if len(rec.outputs) > 1 else ((FINE, TOL),):
         left = search.weigh(z)
-        if rtol == FINE and left > LOST:
-            break
+        if rtol == FINE and left > LOST:  # of chaos, or on a plateau that small steps lead off
+            z, _ = search.refine(z, count, rounds, TOL)
+            if search.weigh(z) > LOST:
+                break
         search.rtol = rtol
         z, _ = search.refine(z, count, rounds, tol)
     here = search.at(z, count)  # DataError: it leaves all bounds, and says when
@@ -386,7 +388,7 @@ class _Search:
         here, _, _ = levenberg_marquardt(
             here,
             lambda at: at.jacobian,
-            _step,
+            damped_step,
             moved,
             enough=0.0,
             tol=tol,
@@ -408,12 +410,3 @@ class _Point:
     @property
     def cost(self) -> float:
         return float(self.residual @ self.residual)
-
-
-def _step(here: _Point, jacobian: F64, damping: float) -> tuple[F64, float, float]:
-    size = np.linalg.norm(jacobian, axis=0)
-    size = np.where(size > 0, size, 1.0)
-    rows = np.vstack([jacobian / size, np.sqrt(damping) * np.eye(size.size)])
-    step = np.linalg.lstsq(rows, np.append(here.residual, np.zeros(size.size)), rcond=None)[0]
-    left = here.residual - jacobian @ (step / size)
-    return step / size, here.cost - float(left @ left), float(step @ step)

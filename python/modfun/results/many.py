@@ -32,7 +32,7 @@ __all__ = ["FitMany"]
 
 # Standard errors. Fits of the same lines agree to 1e-6 of one; what single fits do beside is for larger ones.
 APART = 3.0
-NOT_BY_CHANCE = 1.001 * UNEVEN  # probability of as many records with noise that changes: one alone has this
+NOT_BY_CHANCE = 1.001 * UNEVEN  # probability of as many changing records by chance: of 1 of 1 it is `UNEVEN`
 
 
 @public
@@ -193,8 +193,8 @@ class FitMany(Elsewhere):
         """Estimates of one parameter, (replicate,)."""
         if not isinstance(name, str):
             raise SpecError(
-                f"FitMany: [{name!r}] is no parameter, and fits of many records are kept as arrays: params"
-                f"[{name!r}] are the estimates of one; its whole fit is mf.fit(records[{name!r}], model)"
+                f"FitMany: [{name!r}] is no parameter; params[{name!r}] holds the estimates of one record, "
+                f"and mf.fit(records[{name!r}], model) returns its whole fit"
             )
         if name not in self.param_names:
             raise SpecError(f"there is no parameter {name!r}; {nearest(name, self.param_names)}")
@@ -220,10 +220,10 @@ class FitMany(Elsewhere):
         )
 
     def _of_changes(self) -> str:
-        """That the noise of more records changes than would by chance, which finds one in a hundred."""
+        """How many records have noise that changes, if more than chance finds: 1 in 100."""
         from scipy.special import bdtrc
 
-        count, rows = int(self.changing.sum()), int(self.usable.sum())
+        count, rows = int(self.changing[self.usable].sum()), int(self.usable.sum())
         chance = bdtrc(count - 1, rows, UNEVEN) if count else 1.0
         return f"; the noise of {count} changes over the record" if chance < NOT_BY_CHANCE else ""
 

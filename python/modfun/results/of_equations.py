@@ -12,6 +12,7 @@ from .._core import noise_level
 from ..base.arguments import reals
 from ..base.arrays import F64, geometric_mean
 from ..base.names import listed
+from ..base.samples import FEWEST
 from ..base.student import root
 from ..equations.layout import EquationLayout
 from ..equations.nonlinear import model_of
@@ -25,8 +26,7 @@ from .gradients import differences
 from .initial_state import simulate_equations
 from .prediction import InitialState
 
-__all__ = ["EquationFit"]
-
+__all__ = ["EquationFit", "parts_with_values"]
 
 LONG = 0.5  # of the longest part of a record that has values: shorter ones tell little
 CLEAR = 5.0  # standard deviations of noise: what is as far from 0 has a logarithm that is worth something
@@ -106,7 +106,7 @@ class EquationFit(Fit):
     def message(self) -> str:
         """The status in words, with the cure."""
         if self.success and self.by_response:
-            return "Least squares of the response, as sums over the record err or have no such minimum."
+            return "Least squares of the response: sums over the record err, or have no minimum."
         if self.status == "rank" and (told := self._without_bounds()):
             return told
         if self.status == "rank":
@@ -217,17 +217,6 @@ class EquationFit(Fit):
             )
         return ""
 
-    def valued(self) -> tuple[Record, ...]:
-        """The parts of the records where their logarithms and roots have values; none where all have."""
-        found: list[Record] = []
-        lacking = False
-        for rec in self.records or ():
-            lacks = self.layout.formulas.without_value(rec.y, driving(rec), rec.t)
-            lacking = lacking or lacks is not None
-            runs = [slice(0, rec.t.size)] if lacks is None else _valued(lacks[2])[0]
-            found += [rec.window(rec.t[run.start], rec.t[run.stop - 1]) for run in runs]
-        return tuple(found) if lacking else ()
-
     @property
     def has_poles(self) -> bool:
         """Whether there is a linear model, as of a `StateSpace` all of whose parameters have numbers."""
@@ -336,6 +325,19 @@ class EquationFit(Fit):
         """What is kept of it besides what all fits have."""
         own: dict[str, Any] = {"levels": self.levels.tolist(), "seen": self.seen.tolist()}
         return own | ({"by_response": True} if self.by_response else {})
+
+
+def parts_with_values(fit: EquationFit) -> tuple[Record, ...]:
+    """The parts of a fit's records where logarithms and roots have values; none where all samples have."""
+    found: list[Record] = []
+    lacking = False
+    for rec in fit.records or ():
+        lacks = fit.layout.formulas.without_value(rec.y, driving(rec), rec.t)
+        lacking = lacking or lacks is not None
+        runs = [slice(0, rec.t.size)] if lacks is None else _valued(lacks[2])[0]
+        long = [run for run in runs if run.stop - run.start >= FEWEST]
+        found += [rec.window(rec.t[run.start], rec.t[run.stop - 1]) for run in long]
+    return tuple(found) if lacking else ()
 
 
 def _valued(values: F64) -> tuple[list[slice], float, str]:

@@ -21,7 +21,7 @@ __all__ = ["of_sums", "sparse"]
 LARGE = 3.0  # times the noise of the lines: below, estimates are rather off by their own errors
 ALIKE = 0.5  # of an estimate's distance, beyond which sums over samples have made it
 RARE = 0.01  # probability by F below which that is no scatter of few lines
-CURE = (
+BIASED = (
     "Estimates are biased, and no standard error counts that. First take more samples where the outputs "
     "move; for these few, fit simulations, "
 )
@@ -65,7 +65,7 @@ def _cure(fit: Estimates) -> str:
     steps = "as scipy.optimize.least_squares does."
     if isinstance(fit.structure, Equation):  # others' times have to be even
         steps = "mf.rivals.output_error(model, start=dict(fit.params))(rec)."
-    return CURE + steps
+    return BIASED + steps
 
 
 def _unsettled(fit: Estimates) -> Doubt | None:

@@ -138,7 +138,7 @@ class Results(Figures):
             plain = isinstance(label, str | float | int)
             axes = [name for name, labels in self.axes.items() if plain and label in labels]
             here = " or ".join(f"sel({name}={label!r})" for name in axes) or "sel(...), with labels of axes"
-            raise SpecError(f"Results have no brackets: use {here}")
+            raise SpecError(f"Results are not indexed with []: use {here}")
 
     def sel(self, **labels: Any) -> Results:
         """The results of some labels alone: cells, estimators, parameters.

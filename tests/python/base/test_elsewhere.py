@@ -71,7 +71,7 @@ def test_the_package_says_what_functions_of_matlab_are_called_here(name, here):
 
 
 def test_brackets_of_a_study_are_those_of_its_axes(objects):
-    with pytest.raises(mf.SpecError, match=r"Results have no brackets: use sel\(estimator='ml'\)$"):
+    with pytest.raises(mf.SpecError, match=r"Results are not indexed with \[\]: use sel\(estimator='ml'\)$"):
         objects["study"]["ml"]
     with pytest.raises(mf.SpecError, match=r"use sel\(\.\.\.\), with labels of axes$"):
         objects["study"]["MLE"]

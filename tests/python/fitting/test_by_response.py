@@ -1,10 +1,15 @@
 """Nonlinear equations whose sums have no answer, or a biased one, are led on by their response."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import modfun as mf
 import numpy as np
 import pytest
+from modfun.fitting.by_response import _Search, by_response
 from modfun.fitting.single import fit_quietly
 from modfun.models.options import Options
+from modfun.results.of_equations import parts_with_values
 from scipy.integrate import solve_ivp
 from scipy.special import chdtri
 
@@ -70,12 +75,41 @@ def test_an_epidemic_whose_logarithm_has_no_value_is_answered(seed):
 
 
 def test_standard_errors_of_the_response_hold():
-    """The mean square of the errors of 10 pairs, as if of one number each: 1 in 1,000 is off."""
-    errors = []
+    """Chi-square of the errors of 10 pairs: both ends together are passed by 1 in 1,000."""
+    distance = 0.0
     for seed in range(10):
         fit = mf.fit(epidemic(seed), EPIDEMIC)
-        errors.append((fit.params - [0.4, 0.12]) / fit.bse)
-    assert abs(np.mean(np.square(errors)) - 1) < 4 * np.sqrt(2 / 10)
+        apart = fit.params - [0.4, 0.12]
+        distance += apart @ np.linalg.solve(fit.cov_params(), apart)
+    assert chdtri(20, 1 - ALARM / 2) < distance < chdtri(20, ALARM / 2)
+
+
+def test_a_common_factor_of_sigma_changes_nothing():
+    """The level of the noise was that of 1/50 of the output, and chi-square next to 0."""
+    rec = epidemic(0)
+    fit = mf.fit(rec, EPIDEMIC)
+    same = mf.fit(rec._like(sigma=np.full(rec.y.shape, 50.0)), EPIDEMIC)
+    assert same.by_response
+    np.testing.assert_allclose(same.params, fit.params, rtol=1e-6)
+    np.testing.assert_allclose([*same.bse, same.sigma, same.chi2], [*fit.bse, fit.sigma, fit.chi2], rtol=1e-3)
+
+
+def test_residual_lines_of_masked_samples_have_unit_variance():
+    """It was the part of the samples that count. 100,000 numbers are off by 2 % once in 100,000."""
+    rng, own = np.random.default_rng(0), np.arange(101) % 3 > 0
+    search = SimpleNamespace(counts=[np.full(1000, own.sum())], fit=SimpleNamespace(lines=[(0, 50)]))
+    here = SimpleNamespace(left=[2.0 * own * rng.standard_normal((1000, 101))])
+    (lines,) = _Search._lines(search, here, [np.full(1000, 2.0)])
+    numbers = np.concatenate([lines.real.ravel(), lines.imag[:, 1:].ravel()])
+    assert np.var(numbers) == pytest.approx(1.0, abs=0.02)
+
+
+def test_what_sums_leave_is_no_doubt_of_a_response():
+    """No sum of a sample stands in it, so none errs."""
+    quiet = fit_quietly((epidemic(0),), EPIDEMIC, Options())
+    fit = by_response(replace(quiet, unsettled=True))
+    assert fit.by_response
+    assert not fit.unsettled
 
 
 def servo(seed, v, noise):
@@ -118,3 +152,19 @@ def test_a_response_far_above_the_noise_is_no_answer():
         fit = mf.fit(mf.Record(y={"I": y[0]}, dt=1.0), EPIDEMIC)
     assert not fit.success
     assert not fit.by_response
+
+
+def test_replicates_of_a_bootstrap_are_led_on_as_their_fit_was():
+    """None of them had an answer. One of 8 numbers is beyond 4 standard errors once in 2,000 tests."""
+    fit = mf.fit(epidemic(0), EPIDEMIC)
+    again = mf.bootstrap(fit, replicates=4, progress=False)
+    assert np.all(np.abs(again.params - np.asarray(fit.params)) < 4 * np.asarray(fit.bse))
+
+
+def test_parts_with_values_are_records():
+    """Of pieces shorter than a record an error came, and no response was asked."""
+    rec = epidemic(0)
+    fit = fit_quietly((rec._like(y=np.where(np.arange(101) % 5, 1.0 + rec.y, -1.0)),), EPIDEMIC, Options())
+    assert parts_with_values(fit) == ()
+    whole = fit_quietly((rec,), EPIDEMIC, Options())
+    assert [part.t.size >= 8 for part in parts_with_values(whole)] == [True]

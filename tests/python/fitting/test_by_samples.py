@@ -97,3 +97,19 @@ def test_few_samples_between_gaps_are_no_error():
     )
     assert fit.success
     assert np.all(np.abs((fit.params - [3.0, 8.0, 5.0]) / fit.bse) < 3.5)
+
+
+@pytest.mark.parametrize(
+    ("model", "per_sigma"),
+    [(mf.TransferFunction(poles=2, zeros=0), True), (mf.Equation("y'' + a*y' + b*y = c*u"), False)],
+)
+def test_a_common_factor_of_sigma_changes_at_most_the_unit_of_the_noise(model, per_sigma):
+    """Standard errors were up to twice as large, since the errors of bridged samples had no such factor."""
+    rec = mf.simulate(
+        mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.05, seed=1
+    ).weigh(mask=np.random.default_rng(0).random(257) > 0.7)
+    fit = mf.fit(rec, model)
+    same = mf.fit(rec._like(sigma=np.full(rec.y.shape, 1e-3)), model)
+    unit = 1e-3 if per_sigma else 1.0
+    np.testing.assert_allclose(same.params, fit.params, rtol=1e-5)
+    np.testing.assert_allclose([*same.bse, same.sigma * unit], [*fit.bse, fit.sigma], rtol=1e-5)

@@ -51,6 +51,12 @@ def test_pauses_over_which_outputs_hardly_move_are_taken():
         refuse_gap("fit", rec)
 
 
+def test_an_output_that_stands_still_does_not_move_in_a_pause():
+    """Rounding of its mean was more than its spread."""
+    t = np.r_[np.arange(0, 10, 0.04), np.arange(12, 40, 0.041)]
+    refuse_gap("fit", Record(y=np.full(t.size, 0.1), t=t))
+
+
 def test_steps_at_random_times_are_no_pauses():
     for seed in range(20):
         rng = np.random.default_rng(seed)

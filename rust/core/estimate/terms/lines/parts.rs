@@ -32,7 +32,7 @@ pub(super) struct Moving {
 }
 
 impl Moving {
-    /// `products`: the sensitivities that are multiplied, a pair.
+    /// `products`: of each pair, the sensitivities that are multiplied.
     pub fn new(e: &Equations, products: &[Vec<(usize, usize)>]) -> Moving {
         let first = e.channels + numbers(e.noisy.len());
         let takes = e.samples.takes(|input| input >= first);
