@@ -33,7 +33,7 @@ from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit
 from .scales import sizes
 
-__all__ = ["by_response"]
+__all__ = ["by_response", "of_response"]
 
 BENT = 0.2  # `EquationFit.bend` from which on terms with noise inside have moved estimates by their errors
 STEP = 1e-6  # of an unknown's size: the difference that stands for its derivative
@@ -320,11 +320,6 @@ class _Search:
             _at_least(plain, inverse @ self._coloured(here, steep, width) @ inverse * (count / freedom))
             for width in (0, max(int(np.sqrt(count)), 8))
         ]
-        levels = fit.levels.copy()
-        levels[:, : len(fit.outputs)] = level
-        known = geometric_mean(np.array(level), fit.rows)
-        correlation = np.mean([np.corrcoef(np.atleast_2d(left)) for left in here.left], axis=0)
-        over = fit.df_resid if levels.shape[1] > 1 else fit.df_resid * float(known[0]) ** 2
         return replace(
             fit,
             params=Named(here.params, fit.param_names),
@@ -333,18 +328,10 @@ class _Search:
             cov_nonrobust=plain,
             cov_spectral=smooth,
             cov_hc3=line,
-            df_spectral=np.full(here.params.size, float(freedom)),
-            df_hc3=np.full(here.params.size, float(freedom)),
             gram=steep.T @ steep / np.outer(size, size),
             condition_bound=inf,
-            cost=float(over),
-            noise_cov=np.outer(known, known) * np.atleast_2d(correlation),
-            record_levels=np.array(level) / known,
-            noise_scale=1.0 if np.isfinite(fit.seen).all() else fit.noise_scale,
-            levels=levels,
-            pieces=tuple(self._lines(here, level)),
             bend=0.0,
-            by_response=True,
+            **of_response(fit, here.left, level, freedom),
         )
 
     def _coloured(self, here: _Point, steep: F64, width: int) -> F64:
@@ -362,15 +349,43 @@ class _Search:
                 place += row.size
         return found
 
-    def _lines(self, here: _Point, levels: Sequence[F64]) -> Iterator[Any]:
-        """The residuals of the response on the lines of the fit, white with unit variance."""
-        for left, level, (low, high) in zip(here.left, levels, self.fit.lines, strict=True):
-            lines = np.fft.rfft(left, axis=1)[:, low : high + 1] / (
-                level[:, None] * np.sqrt(left.shape[1] / 2)
-            )
-            if low == 0:
-                lines[:, 0] /= np.sqrt(2)
-            yield lines
+
+def of_response(fit: EquationFit, left: Sequence[F64], level: Sequence[F64], freedom: int) -> dict[str, Any]:
+    """Fields of a fit whose residuals are those of its response.
+
+    Parameters
+    ----------
+    left : sequence of (output, time) arrays
+        The residuals of each record.
+    level : sequence of (output,) arrays
+        Their noise levels.
+    freedom : int
+    """
+    levels = fit.levels.copy()
+    levels[:, : len(fit.outputs)] = level
+    known = geometric_mean(np.array(level), fit.rows)
+    correlation = np.mean([np.corrcoef(np.atleast_2d(own)) for own in left], axis=0)
+    over = fit.df_resid if levels.shape[1] > 1 else fit.df_resid * float(known[0]) ** 2
+    return {
+        "df_spectral": np.full(fit.params.size, float(freedom)),
+        "df_hc3": np.full(fit.params.size, float(freedom)),
+        "cost": float(over),
+        "noise_cov": np.outer(known, known) * np.atleast_2d(correlation),
+        "record_levels": np.array(level) / known,
+        "noise_scale": 1.0 if np.isfinite(fit.seen).all() else fit.noise_scale,
+        "levels": levels,
+        "pieces": tuple(_lines(fit, left, level)),
+        "by_response": True,
+    }
+
+
+def _lines(fit: EquationFit, left: Sequence[F64], levels: Sequence[F64]) -> Iterator[Any]:
+    """The residuals of the response on the lines of the fit, white with unit variance."""
+    for own, level, (low, high) in zip(left, levels, fit.lines, strict=True):
+        lines = np.fft.rfft(own, axis=1)[:, low : high + 1] / (level[:, None] * np.sqrt(own.shape[1] / 2))
+        if low == 0:
+            lines[:, 0] /= np.sqrt(2)
+        yield lines
 
 
 def _at_least(white: F64, coloured: F64) -> F64:
