@@ -10,11 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import inf
-from typing import Any
 
 import numpy as np
 
-from ..base.arrays import F64, geometric_mean
+from ..base.arrays import F64
 from ..base.least_squares import damped_step, levenberg_marquardt
 from ..base.named import Named
 from ..base.words import TRENDS
@@ -30,7 +29,7 @@ from ..results.fit import Fit
 from ..results.initial_state import find_state
 from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit, parts_with_values
-from .by_samples import deviance, levels_of, weights_of
+from .by_samples import deviance, levels_of, of_response, weights_of
 from .scales import sizes
 
 __all__ = ["by_response"]
@@ -307,11 +306,6 @@ class _Search:
             _at_least(plain, inverse @ self._coloured(here, steep, width) @ inverse * (self.count / freedom))
             for width in (0, max(int(np.sqrt(self.count)), 8))
         ]
-        levels = fit.levels.copy()
-        levels[:, : len(fit.outputs)] = level
-        known = geometric_mean(np.array(level), fit.rows)
-        correlation = np.mean([np.corrcoef(np.atleast_2d(left)) for left in here.left], axis=0)
-        over = fit.df_resid if levels.shape[1] > 1 else fit.df_resid * float(known[0]) ** 2
         return replace(
             fit,
             params=Named(here.params, fit.param_names),
@@ -320,20 +314,12 @@ class _Search:
             cov_nonrobust=plain,
             cov_spectral=smooth,
             cov_hc3=line,
-            df_spectral=np.full(here.params.size, float(freedom)),
-            df_hc3=np.full(here.params.size, float(freedom)),
             gram=steep.T @ steep / np.outer(size, size),
             condition_bound=inf,
-            cost=float(over),
-            noise_cov=np.outer(known, known) * np.atleast_2d(correlation),
-            record_levels=np.array(level) / known,
-            noise_scale=1.0 if np.isfinite(fit.seen).all() else fit.noise_scale,
-            levels=levels,
-            pieces=tuple(self._lines(here, level)),
             bend=0.0,
             unfolded=(),
             unsettled=False,
-            by_response=True,
+            **of_response(fit, here.left, level, self.counts, freedom),
         )
 
     def _coloured(self, here: _Point, steep: F64, width: int) -> F64:
@@ -350,16 +336,6 @@ class _Search:
                 found += (own.conj().T @ (own * power[:, None])).real / row.size
                 place += row.size
         return found
-
-    def _lines(self, here: _Point, levels: Sequence[F64]) -> Iterator[Any]:
-        """The residuals of the response on the lines of the fit, white with unit variance."""
-        each = zip(here.left, levels, self.counts, self.fit.lines, strict=True)
-        for left, level, counts, (low, high) in each:
-            size = level * np.sqrt(counts / 2)  # masked samples leave nothing
-            lines = np.fft.rfft(left, axis=1)[:, low : high + 1] / size[:, None]
-            if low == 0:
-                lines[:, 0] /= np.sqrt(2)
-            yield lines
 
 
 def _at_least(white: F64, coloured: F64) -> F64:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import nan
 from typing import Any, TypeVar
@@ -9,8 +10,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import F64
-from ..errors import ModfunError
+from ..base.arrays import F64, geometric_mean
+from ..errors import DataError, ModfunError
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.diagnosis import fewest_samples, growth, measured_lines
@@ -19,10 +20,12 @@ from ..results.estimates import COVARIANCES
 from ..results.initial_state import slopes
 from ..results.sparse import sparse
 
-__all__ = ["by_samples", "deviance", "levels_of", "lower_by_samples", "weights_of"]
+__all__ = ["by_samples", "deviance", "levels_of", "lower_by_samples", "of_response", "weights_of"]
 
 PART = 0.1  # of a standard error: steps of differences
 ROUNDS, HALVED = 12, 5
+NEARER = 3  # steps to an initial state by logarithms
+LOGS = "log-normal"
 FAR = 12  # halvings from where sums over few samples end, as at a decay for a growth
 MOVED = 1.0  # standard errors of the lines: estimates differ by half as much where sums are right
 LEAST = 1e-6  # of the level that lines show: records without noise
@@ -86,12 +89,13 @@ def by_samples(fit: AnyFit) -> AnyFit:
     and Newton reach its minimum. Covariances keep what they tell of the colour of the noise, on the scale of
     that minimum.
     """
-    white = fit.options.noise == "output" and fit.options.method in ("ml", "awls") and not fit.layout.priors
+    options = fit.options
+    white = options.noise in ("output", LOGS) and options.method in ("ml", "awls") and not fit.layout.priors
     if not white or not fit.usable:
         return fit
     if measured_lines(fit):
         return _at_few(fit) if _coarse(fit) else fit
-    return fit if growth(fit) > 0 else _led(fit, HALVED)
+    return fit if options.noise == LOGS or growth(fit) > 0 else _led(fit, HALVED)
 
 
 def _led(fit: AnyFit, halved: int) -> AnyFit:
@@ -105,12 +109,19 @@ def _led(fit: AnyFit, halved: int) -> AnyFit:
 def _coarse(fit: Any) -> bool:
     """Whether lines of equations have few samples a period at uneven times, between which all is known.
 
-    Transfer functions, and equations under held inputs, are told what their sums have too much.
+    Transfer functions, and equations under held inputs, are told what their sums have too much. Where noise
+    goes with the level sums at even times err, too: weights of low samples are many times those of others.
     """
     if fit.layout.rational or not fit.success or fit.at_bound or fit.unfolded or not fit.params.size:
         return False
-    o, uneven = fit.options, [rec for rec in fit.records or () if rec.dt is None]
-    known = all([rec.mask is None and "smooth" not in rec.intersample for rec in uneven])
+    o, logs = fit.options, fit.options.noise == LOGS
+    uneven = [rec for rec in fit.records or () if logs or rec.dt is None]
+    known = all(
+        [
+            rec.mask is None and not (logs and rec.sigma is not None) and "smooth" not in rec.intersample
+            for rec in uneven
+        ]
+    )
     plain = (o.initial_state, o.robust, o.reference) == ("unknown", False, ())
     unstable = bool(fit.inputs) and growth(fit) > 0  # such as in a loop, which simulations leave
     return bool(uneven) and known and plain and not unstable and fewest_samples(fit) < FEW_SAMPLES
@@ -128,6 +139,8 @@ def _at_few(fit: AnyFit) -> AnyFit:
     error = np.sqrt(fit.cov_nonrobust.diagonal())
     if sparse(replace(found, noise_cov=fit.noise_cov)) is not None:  # the lines are quieter: another model
         return fit
+    if fit.options.noise == LOGS:
+        return found
     move = np.abs(found.params - fit.params)[error > 0] / error[error > 0]
     return replace(found, by_response=True) if np.max(move, initial=0.0) > MOVED else fit
 
@@ -137,6 +150,9 @@ class _Descent:
 
     Outputs are weighed by what the samples that count leave of them: levels of lines hold the errors of what
     was put between, up to twice the noise.
+
+    Residuals of log-normal noise are those of logarithms. Initial states are then at least squares beside a
+    response m near by: log(y/m) is the residual of a sample m(1 + log(y/m)) in units of m.
     """
 
     def __init__(self, fit: Any, halved: int = HALVED) -> None:
@@ -145,6 +161,8 @@ class _Descent:
         self.steps = PART * np.sqrt(fit.cov_nonrobust.diagonal())
         self.own = [weights_of(fit, rec) for rec in fit.records]
         self.levels: list[F64] = list(fit.noise_levels)
+        self.logs = fit.options.noise == LOGS
+        self.near: list[F64] = [rec.y for rec in fit.records]
         self.begins = fit.options.initial_state not in ("unknown", "periodic")  # as it was told
 
     def ended(self) -> Any:
@@ -156,6 +174,8 @@ class _Descent:
             if k and self._astray(before):
                 return self.fit
             left, count = self._left(params)
+            if left @ left < SMALL * count:  # nothing but rounding is left of records without noise
+                break
             steep = self._slopes(params, left)
             move = np.zeros(params.size)
             move[self.moving] = np.linalg.lstsq(steep.T, left, rcond=None)[0]
@@ -181,6 +201,9 @@ class _Descent:
     def _weigh(self, params: F64) -> None:
         if self.fit.options.output_weights is not None:
             return
+        if self.logs:
+            for _ in range(NEARER):
+                self.near = self._responses(params)
         self.levels = list(self.levels)
         for k, (off, own) in enumerate(zip(self._off(params)[0], self.own, strict=True)):
             level = levels_of(off, np.count_nonzero(own, axis=1))
@@ -198,12 +221,27 @@ class _Descent:
         """Residuals of each record, and how many samples beyond the unknowns of each they have."""
         fit = replace(self.fit, params=params)
         found, count = [], 0
-        for rec, own in zip(fit.records, self.own, strict=True):
-            simulated, initial = fit.simulate(rec)
-            found.append((rec.y - simulated) * own)
+        for rec, own, near in zip(fit.records, self.own, self.near, strict=True):
+            simulated, initial = fit.simulate(self._beside(rec, near))
+            left = np.log(rec.y / simulated) if self.logs else rec.y - simulated
+            found.append(left * own)
             unknown = (0 if self.begins else initial.state.size) + np.size(initial.trend)
             count += int(np.count_nonzero(own)) - unknown
         return found, count
+
+    def _beside(self, rec: Any, near: F64) -> Any:
+        """The record whose least squares are those of the noise."""
+        return rec._like(y=near * (1 + np.log(rec.y / near)), sigma=near) if self.logs else rec
+
+    def _responses(self, params: F64) -> list[F64]:
+        """Of each record, positive as its samples."""
+        fit = replace(self.fit, params=params)
+        found = [
+            fit.simulate(self._beside(rec, near))[0] for rec, near in zip(fit.records, self.near, strict=True)
+        ]
+        if not all([np.all(y > 0) for y in found]):
+            raise DataError("log-normal noise: a response is not positive")
+        return found
 
     def _left(self, params: F64) -> tuple[F64, int]:
         """The same in units of the noise, of all records."""
@@ -224,9 +262,9 @@ class _Descent:
     def _of_integrations(self, fit: Any) -> F64:
         """The same with unknown initial states and trends beside the parameters: to find them takes long."""
         found = []
-        for rec, counts, level in zip(fit.records, self.own, self.levels, strict=True):
-            weights = counts / level[:, None]
-            start = fit.simulate(rec)[1]
+        for rec, counts, level, near in zip(fit.records, self.own, self.levels, self.near, strict=True):
+            weights = counts / level[:, None] / (near if self.logs else 1.0)
+            start = fit.simulate(self._beside(rec, near))[1]
             each = (slopes(fit, rec, start) * weights).reshape(-1, weights.size)
             known = start.state.size if self.begins else 0
             own, beside = each[self.moving], each[fit.params.size + known :]
@@ -237,6 +275,8 @@ class _Descent:
         """The fit with these parameters, and covariances on the scale of those of least squares."""
         left, count = self._left(params)
         steep, fit = self._slopes(params, left), self.fit
+        if self.logs:
+            return self._of_logarithms(params, steep, max(count - params.size, 1))
         square = float(left @ left) / max(count - params.size, 1)
         scale = np.zeros(params.size)
         errors = np.sqrt(np.linalg.inv(steep @ steep.T).diagonal() * square)
@@ -246,3 +286,57 @@ class _Descent:
         return replace(
             fit, params=params, noise_cov=fit.noise_cov * np.outer(over, over) * square, status="ok", **covs
         )
+
+    def _of_logarithms(self, params: F64, steep: F64, freedom: int) -> Any:
+        """The same in white noise: few lines, whose sums err, tell nothing of its colour."""
+        off, fit = self._off(params)[0], self.fit
+        counts = np.array([np.count_nonzero(own, axis=1) for own in self.own])
+        square = np.sum(counts) / freedom
+        level = np.sqrt([np.sum(own**2, axis=1) for own in off] / counts * square)
+        cov = np.zeros((params.size, params.size))
+        cov[np.ix_(self.moving, self.moving)] = np.linalg.inv(steep @ steep.T) * square
+        covs = dict.fromkeys(COVARIANCES, cov)
+        return replace(fit, params=params, **covs, **of_response(fit, off, level, counts, freedom))
+
+
+def of_response(
+    fit: Any, left: Sequence[F64], level: Sequence[F64], counts: Any, freedom: int
+) -> dict[str, Any]:
+    """Fields of a fit whose residuals are those of its response.
+
+    Parameters
+    ----------
+    left : sequence of (output, time) arrays
+        The residuals of each record.
+    level : sequence of (output,) arrays
+        Their noise levels.
+    counts : (record, output) array_like
+        How many samples count.
+    freedom : int
+    """
+    levels = fit.levels.copy()
+    levels[:, : len(fit.outputs)] = level
+    known = geometric_mean(np.array(level), fit.rows)
+    correlation = np.mean([np.corrcoef(np.atleast_2d(own)) for own in left], axis=0)
+    over = fit.df_resid if levels.shape[1] > 1 else fit.df_resid * float(known[0]) ** 2
+    return {
+        "df_spectral": np.full(fit.params.size, float(freedom)),
+        "df_hc3": np.full(fit.params.size, float(freedom)),
+        "cost": float(over),
+        "noise_cov": np.outer(known, known) * np.atleast_2d(correlation),
+        "record_levels": np.array(level) / known,
+        "noise_scale": 1.0 if np.isfinite(fit.seen).all() else fit.noise_scale,
+        "levels": levels,
+        "pieces": tuple(_lines(fit, left, level, counts)),
+        "by_response": True,
+    }
+
+
+def _lines(fit: Any, left: Sequence[F64], levels: Sequence[F64], counts: Any) -> Iterator[Any]:
+    """The residuals of the response on the lines of the fit, white with unit variance."""
+    for own, level, count, (low, high) in zip(left, levels, counts, fit.lines, strict=True):
+        size = level * np.sqrt(count / 2)  # masked samples leave nothing
+        lines = np.fft.rfft(own, axis=1)[:, low : high + 1] / size[:, None]
+        if low == 0:
+            lines[:, 0] /= np.sqrt(2)
+        yield lines

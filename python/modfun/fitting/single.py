@@ -66,9 +66,16 @@ def fit_quietly(
 def fit_near(fit: Fit, options: Options, start: F64) -> Fit | None:
     """The fit with free delays by other options, begun by these parameters; None without an answer."""
     records = fit.records or ()
-    if options.initial_state != "unknown" or any([rec.functions for rec in records]):
+    if not isinstance(options.initial_state, str) or any([rec.functions for rec in records]):
         return None
-    made = fit_plain(records, fit.structure, options, fit_quietly, start)
+
+    def begun(records: tuple[Record, ...], structure: Any, options: Options, **_: Any) -> Fit:
+        return fit_plain(records, structure, options, fit_quietly, start)
+
+    if options.initial_state != "unknown" and not counts_start(fit.structure, options, records):
+        made: Fit = replace(fit_with_past(records, fit.structure, options, begun), again=fit_quietly)
+    else:
+        made = begun(records, fit.structure, options)
     return made if made.usable else None
 
 

@@ -40,7 +40,7 @@ def contradicts(ratio: float, df: float, high_df: float) -> bool:
 def levels(row: dict[str, Any], fit: Fit, finest: float) -> tuple[float, float, tuple[str, ...]]:
     """Noise level of the high band; the same pooled with a candidate's, nan where they disagree.
 
-    The candidate that leaves least: as a rule the largest, unless its search ended elsewhere.
+    The candidate that settled and leaves least: as a rule the largest, unless its search ended elsewhere.
     """
     high = fit.high_band_sigma
     if row["sigma"] < finest:

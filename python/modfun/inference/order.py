@@ -126,8 +126,8 @@ def select_order(
     inputs at uneven times candidates are compared by their own fits on a common band. The criterion is
     cost/sigma**2 + k log N over N real equations, k the number of parameters and poles (each pole has its
     transient coefficient), sigma the noise level of the unused high band and of the least residuals of a
-    candidate together, but no finer than a thousandth of the output. Where these two contradict each other,
-    as with filtered noise, the criterion is N log(cost/N) + k log N.
+    candidate that settled together, but no finer than a thousandth of the output. Where these two contradict
+    each other, as with filtered noise, the criterion is N log(cost/N) + k log N.
 
     Parameters
     ----------
@@ -323,13 +323,23 @@ class _Judged:
         self.n = n = int(equations.min())  # those of the highest order, whose transient takes the most
         self.mean = self.cost / equations
         self.fits = tuple([row["fit"] for row in rows])
-        self.least = k = int(np.argmin(np.where(self.usable, self.mean, inf)))
+        self.least = k = self._telling()
         self.high, self.sigma, self.notes = levels(rows[k], self.fits[k], race.finest())
         with np.errstate(divide="ignore", invalid="ignore"):
             self.bic = n * np.log(self.mean) + self.count * log(n)
             self.calibrated = n * self.mean / self.sigma**2 + self.count * log(n)
         self.criterion = "calibrated_bic" if isfinite(self.sigma) else "bic"
         self.score = np.where(self.usable, self.calibrated if isfinite(self.sigma) else self.bic, inf)
+
+    def _telling(self) -> int:
+        """The candidate that tells the noise level: of those that settled the one that leaves least.
+
+        Simulations of an unstable one run away, and so does what they leave of the high band.
+        """
+        ranked: list[int] = np.argsort(np.where(self.usable, self.mean, inf), kind="stable").tolist()
+        spread = self.race.spread()
+        settled = [k for k in ranked if self.rows[k]["status"] == "ok" and self.usable[k]]
+        return next((k for k in settled if not self.fits[k].high_band_sigma > spread), ranked[0])
 
     @cached_property
     def best(self) -> int:

@@ -86,7 +86,11 @@ class Race:
 
     def finest(self) -> float:
         """Level below which residuals say nothing."""
-        return FINEST * float(np.sqrt(np.mean([np.var(rec.y) for rec in self.records])))
+        return FINEST * self.spread()
+
+    def spread(self) -> float:
+        """Standard deviation of the output."""
+        return float(np.sqrt(np.mean([np.var(rec.y) for rec in self.records])))
 
     def guideline(self) -> float:
         """Upper edge of 3 # + n lines for the largest candidate, in rad/s."""

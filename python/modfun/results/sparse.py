@@ -34,9 +34,14 @@ def sparse(fit: Estimates) -> Doubt | None:
     Integrals over signals that move between samples are off by far more than their noise, and alike on the
     few lines of few samples, so that residuals are small and so are standard errors.
     """
-    if not fit.usable or fit.options.noise != "output" or fit.df_resid < 1:
+    if not fit.usable or fit.options.noise not in ("output", "log-normal") or fit.df_resid < 1:
         return None
-    if getattr(fit, "unsettled", False) or all(rec.dt is not None for rec in fit.records or ()):
+    noise_goes_with_level = fit.options.noise == "log-normal"
+    if (
+        noise_goes_with_level
+        or getattr(fit, "unsettled", False)
+        or all(rec.dt is not None for rec in fit.records or ())
+    ):
         return _unsettled(fit)
     from scipy.special import fdtrc
 

@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.fitting.by_response import _Search, by_response
+from modfun.fitting.by_response import by_response
+from modfun.fitting.by_samples import _lines
 from modfun.fitting.single import fit_quietly
 from modfun.models.options import Options
 from modfun.results.of_equations import parts_with_values
@@ -97,9 +98,8 @@ def test_a_common_factor_of_sigma_changes_nothing():
 def test_residual_lines_of_masked_samples_have_unit_variance():
     """It was the part of the samples that count. 100,000 numbers are off by 2 % once in 100,000."""
     rng, own = np.random.default_rng(0), np.arange(101) % 3 > 0
-    search = SimpleNamespace(counts=[np.full(1000, own.sum())], fit=SimpleNamespace(lines=[(0, 50)]))
-    here = SimpleNamespace(left=[2.0 * own * rng.standard_normal((1000, 101))])
-    (lines,) = _Search._lines(search, here, [np.full(1000, 2.0)])
+    fit, left = SimpleNamespace(lines=[(0, 50)]), 2.0 * own * rng.standard_normal((1000, 101))
+    (lines,) = _lines(fit, [left], [np.full(1000, 2.0)], [np.full(1000, own.sum())])
     numbers = np.concatenate([lines.real.ravel(), lines.imag[:, 1:].ravel()])
     assert np.var(numbers) == pytest.approx(1.0, abs=0.02)
 

@@ -91,3 +91,35 @@ def test_each_input_has_its_own_delay_and_some_are_known():
     found = mf.select_order(rec, poles=range(1, 4), zeros=0, delay=[mf.Free(min=0, max=2), 0.2])
     assert found.best.order == 2
     assert found.best.params[-1] == pytest.approx(0.7, abs=0.05)
+
+
+# Starts at rest beside unknown delays ---------------------------------------------------------------
+
+
+def heated(seed):
+    """A heater after a step of its power."""
+    t = np.arange(0, 901, 2.0)
+    y = 75 + 50 * (1 - np.exp(-np.maximum(t - 75, 0) / 120))
+    noise = 0.3 * np.random.default_rng(seed).standard_normal(t.size)
+    rec = mf.Record(y=y + noise, u=np.where(t >= 60, 40.0, 20.0), dt=2.0)
+    late = mf.Free(min=0, max=60)
+    return mf.select_order(rec, poles=[1, 2], zeros=0, delay=late, initial_state="rest", progress=False)
+
+
+def test_an_unstable_candidate_tells_no_noise_level():
+    """It left least, and its simulation ran away: the level of the high band was 1e118."""
+    found = heated(4)
+    assert not found.table["stable"][1]
+    assert found.table["cost"][1] < found.table["cost"][0]
+    assert found.fits[1].high_band_sigma > 1e6
+    assert found.criterion == "calibrated_bic"
+    assert found.sigma == pytest.approx(0.3, rel=0.1)
+    assert np.all((found.table["p_value"] > 0.01) & (found.table["p_value"] < 0.99))
+    assert found.best.structure.poles == 1
+
+
+def test_a_larger_candidate_at_rest_begins_where_a_smaller_one_ends():
+    """It left 120 times as much as the smaller one; a pole three bands away leaves 1.5 % more."""
+    found = heated(3)
+    assert found.table["cost"][1] < 1.03 * found.table["cost"][0]
+    assert found.fits[1].records[0].t.size == 451  # without its past
