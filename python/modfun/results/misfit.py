@@ -386,7 +386,7 @@ def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
 def _drift_leaves_more(fit: Estimates) -> bool:
     """Whether residual lines of a fit with a drift are those of no stationary white noise, either."""
     assert fit.records is not None
-    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"), near=True)
+    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
     return other is not None and _uneven(other, LOOK)
 
 
