@@ -28,6 +28,7 @@ NEARER = 3  # steps to an initial state by logarithms
 LOGS = "log-normal"
 FAR = 12  # halvings from where sums over few samples end, as at a decay for a growth
 MOVED = 1.0  # standard errors of the lines: estimates differ by half as much where sums are right
+WIDER = 5.0  # times the errors of the samples: sums that err leave no better ones
 LEAST = 1e-6  # of the level that lines show: records without noise
 SETTLED = 0.02  # of a standard error: a move that ends the rounds
 SMALL = 1e-6  # of the sum of squares: a gain so small that rounding hides it, and steps need not find it
@@ -109,10 +110,11 @@ def _led(fit: AnyFit, halved: int) -> AnyFit:
 def _coarse(fit: Any) -> bool:
     """Whether lines of equations have few samples a period at uneven times, between which all is known.
 
-    Transfer functions, and equations under held inputs, are told what their sums have too much. Where noise
-    goes with the level sums at even times err, too: weights of low samples are many times those of others.
+    Transfer functions are told what their sums have too much, and so are equations under held inputs, but
+    rounds of that lead nowhere from so few samples. Where noise goes with the level sums at even times err,
+    too: weights of low samples are many times those of others.
     """
-    if fit.layout.rational or not fit.success or fit.at_bound or fit.unfolded or not fit.params.size:
+    if fit.layout.rational or not fit.success or fit.at_bound or not fit.params.size:
         return False
     o, logs = fit.options, fit.options.noise == LOGS
     uneven = [rec for rec in fit.records or () if logs or rec.dt is None]
@@ -122,7 +124,7 @@ def _coarse(fit: Any) -> bool:
             for rec in uneven
         ]
     )
-    plain = (o.initial_state, o.robust, o.reference) == ("unknown", False, ())
+    plain = (o.robust, o.reference) == (False, ()) and o.initial_state in ("unknown", "zero", "rest")
     unstable = bool(fit.inputs) and growth(fit) > 0  # such as in a loop, which simulations leave
     return bool(uneven) and known and plain and not unstable and fewest_samples(fit) < FEW_SAMPLES
 
@@ -134,6 +136,12 @@ def _at_few(fit: AnyFit) -> AnyFit:
     0.69±0.13, for 0.3, also without noise: no residual of the few lines shows that.
     """
     found = _led(fit, FAR)
+    if (found is fit or not found.success) and fit.options.initial_state != "unknown":
+        # Sums over a past and few samples may end where no way leads from.
+        free = fit.again(fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
+        begun = replace(fit, params=free.params)
+        led = _led(begun, FAR)
+        found = fit if led is begun else led
     if found is fit or not found.success:
         return replace(fit, unsettled=True) if fit.layout.compiled.is_linear else fit
     error = np.sqrt(fit.cov_nonrobust.diagonal())
@@ -142,7 +150,9 @@ def _at_few(fit: AnyFit) -> AnyFit:
     if fit.options.noise == LOGS:
         return found
     move = np.abs(found.params - fit.params)[error > 0] / error[error > 0]
-    return replace(found, by_response=True) if np.max(move, initial=0.0) > MOVED else fit
+    wider = (error / np.sqrt(found.cov_nonrobust.diagonal()))[error > 0]
+    astray = np.max(move, initial=0.0) > MOVED or np.max(wider, initial=0.0) > WIDER
+    return replace(found, by_response=True) if astray else fit
 
 
 class _Descent:

@@ -284,7 +284,7 @@ def _first_level(rec: Record, past: F64) -> F64:
     """Means of the outputs while the inputs stand as they did before, or where a parabola begins."""
     count = standing(rec, past)
     degree = 0 if count >= QUIET else 2
-    count = max(count, QUIET if degree == 0 else SHORT)
+    count = min(max(count, QUIET if degree == 0 else SHORT), rec.t.size)
     good = np.ones((len(rec.y), count)) if rec.mask is None else rec.mask[:, :count] + 1e-9
     t = rec.t[:count] - rec.t[0]
     return np.array(

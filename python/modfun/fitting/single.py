@@ -45,7 +45,8 @@ def fit_quietly(
     if options.reference:
         return referenced_fit(records, structure, options, fit_quietly)
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
-        return fit_with_past(records, structure, options, fit_quietly)  # type: ignore[no-any-return]
+        fit: Fit = fit_with_past(records, structure, options, fit_quietly)
+        return fit if isinstance(structure, TransferFunction) else by_samples(fit)
     if not isinstance(structure, TransferFunction):
         few = fit_equation(records, structure, options, fit_quietly, starts=starts, near=near)
         if starts is None:  # begun beside an answer, whose signs are settled
