@@ -62,7 +62,7 @@ from .next_structures import best_cure
 from .noise_modes import noise_mode
 from .noisy_inputs import noisy_input
 from .nothing_free import nothing_free
-from .offsets import is_all, mean, offset
+from .offsets import is_all, mean, offset, unanswered
 from .origin import LEAST_GAIN, smaller_errors
 from .powers import not_linear
 from .refits import lengthy
@@ -168,6 +168,7 @@ def _failed(fit: Estimates) -> str:
             or contradicted_numbers(fit)
             or runaway(fit)
             or one_record(fit)
+            or unanswered(fit)
             or unrecorded_input(fit)
         )
     return doubt.text if doubt else _message(fit)

@@ -33,7 +33,7 @@ from .estimates import Estimates
 from .held_numbers import contradicted_numbers
 from .neighbours import EXTRA, unused, with_offset
 
-__all__ = ["is_all", "mean", "offset", "with_constant"]
+__all__ = ["is_all", "mean", "offset", "unanswered", "with_constant"]
 
 # Mean over rms about it. Powers of a channel that far from zero are all but the same regressor.
 OFFSET = 1000.0
@@ -72,8 +72,7 @@ def mean(fit: Estimates) -> Doubt | None:
     if fit.layout.rational:
         told = _bent(fit) or _better(fit)
         return Doubt(f'{told} Fit with trend="constant".{_both_ways(fit)}') if told else None
-    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in fit.records], axis=0))
-    means = np.mean([rec.y.mean(axis=1) for rec in fit.records], axis=0)
+    spread, means = _motion(fit)
     if np.any(np.abs(means) > 3 * spread) and np.all(np.abs(fit.params) < fit.bse):
         # The equation took the offset for the signal.
         return Doubt(
@@ -100,6 +99,36 @@ def mean(fit: Estimates) -> Doubt | None:
             f"{found.words}"
         )
     return None
+
+
+def unanswered(fit: Estimates) -> Doubt | None:
+    """That equations without an estimate have one beside a constant, where outputs are far from zero."""
+    if not fit.records or fit.layout.rational or fit.trend is not None or fit.again is None:
+        return None
+    spread, means = _motion(fit)
+    if not np.any(np.abs(means) > spread):
+        return None
+    other = again(fit, fit.records, fit.structure, fit.options.replace(trend="constant"))
+    if other is None or not other.success or not level_p(other) > SURE:
+        return None
+    found = ", ".join(
+        [
+            f"{name} = {other[name]:.4g} ± {se:.2g}"
+            for name, se in zip(fit.param_names, other.bse, strict=True)
+        ]
+    )
+    return Doubt(
+        f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, and equations without a "
+        "constant have no answer: gravity, trim or an offset is missing. Fit with "
+        f'trend="constant", which leaves the noise alone: {found}.'
+    )
+
+
+def _motion(fit: Estimates) -> tuple[F64, F64]:
+    """By how much outputs move, and about what."""
+    records = fit.records or ()
+    spread = np.sqrt(np.mean([rec.y.var(axis=1) for rec in records], axis=0))
+    return spread, np.mean([rec.y.mean(axis=1) for rec in records], axis=0)
 
 
 def _assumed(fit: Estimates, means: F64, spread: F64) -> str:

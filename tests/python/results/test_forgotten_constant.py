@@ -58,3 +58,14 @@ def test_a_constant_is_sought_from_the_beginning_where_the_estimate_is_far_off()
     rec = mf.Record(y=y, u=u, dt=0.5, outputs="y", inputs=["u1", "u2"], intersample="zoh")
     with pytest.warns(mf.ModfunWarning, match='Fit with trend="constant"'):
         mf.fit(rec, two)
+
+
+def test_a_level_that_leaves_no_answer_is_named() -> None:
+    """x'' + 2 z w x' + w² x = 0 about 0.5 had no answer, and a parameter was to be held."""
+    t = np.arange(0, 8.001, 0.02)
+    y = 0.5 + 0.1 * np.exp(-0.15 * t) * np.cos(3.16 * t)
+    rec = mf.Record(y=y + 0.003 * np.random.default_rng(0).standard_normal(t.size), t=t, outputs="x")
+    told = {"w": mf.Free(3, min=0), "z": mf.Free(0.1, min=0)}
+    spring = mf.Equation("x'' + 2*z*w*x' + w**2*x = 0", outputs=["x"], params=told)
+    with pytest.warns(mf.ModfunWarning, match=r'no answer.*trend="constant".*w = 3\.1\d'):
+        mf.fit(rec, spring)
