@@ -16,6 +16,7 @@ __all__ = ["at_rows", "completed"]
 
 MOST = 0.2  # of the rows may be lost
 LONGEST = 0.1  # of the rows may be lost in a row, as in a fit of masked samples
+AROUND = 8  # samples on either side of a gap, at least, whose range tells where a signal may be
 OUTSIDE = 0.5  # of the range around a gap: what a spline leaves it by, at most
 ALIKE = 0.25  # of the usual step: what other steps between neighbouring rows differ from it, at most
 
@@ -96,7 +97,8 @@ def _smooth(rows: NDArray[np.intp], known: F64, lost: Mask) -> F64:
     flat = None
     for first, length in zip(*runs(lost), strict=True):
         gap = slice(first, first + length)
-        near = known[np.searchsorted(rows, first - length) : np.searchsorted(rows, first + 2 * length)]
+        at, many = np.searchsorted(rows, first), max(length, AROUND)
+        near = known[max(at - many, 0) : at + many]
         spread = OUTSIDE * np.ptp(near)
         if found[gap].max() > near.max() + spread or found[gap].min() < near.min() - spread:
             flat = PchipInterpolator(rows, known) if flat is None else flat
