@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from ..errors import ModfunError
 from ..models.options import Options
 from ..records.functions import drives
 from ..records.record import Record
-from ..results.cures import amplified
+from ..results.cures import again, amplified
 from ..results.diagnosis import high_band_df, level_p
 from ..results.doubts import SURE
 from ..results.fit import Fit
@@ -92,38 +93,25 @@ def _found(fit: EquationFit) -> EquationFit:
         return fit
     if fit.success and here and not amplified(fit) and not here.deviance - best.deviance > worth:
         return fit
-    other = _beside(fit, best.params) if not _is_biased(fit) else None
+    other: Any = None  # the fit by sums that begins there
+    if not _is_biased(fit):
+        other = again(fit, fit.records, fit.structure, fit.options, starts=best.params.tolist())
     if other is not None and other.success and not other.at_bound and not other.bend > BENT:
         there = search.at(other.params)
         if there is not None and there.deviance < best.deviance + worth:
-            return other
+            return other  # type: ignore[no-any-return]
     return search.told(best)
-
-
-def _beside(fit: EquationFit, start: F64) -> EquationFit | None:
-    """The fit by sums that begins at these parameters."""
-    assert fit.again is not None
-    try:
-        made: EquationFit = fit.again(fit.records, fit.structure, fit.options, starts=start.tolist())
-    except ModfunError:
-        return None
-    return made
 
 
 def _ends(fit: EquationFit) -> Iterator[F64]:
     """Parameters of other fits by sums, also of the parts that have values, and sizes that they may have."""
-    assert fit.again is not None
     assert fit.records is not None
     ways: list[tuple[tuple[Record, ...], Options]] = []
     if parts := parts_with_values(fit):
         ways.append((parts, fit.options))
     ways += [(fit.records, fit.options.replace(method=word)) for word in WAYS]
     for records, options in ways:
-        try:
-            made = fit.again(records, fit.structure, options)
-        except ModfunError:
-            continue
-        if made.usable:
+        if made := again(fit, records, fit.structure, options):
             yield made.params
     yield sizes(fit.structure, fit.param_names, fit.records)
 

@@ -14,6 +14,7 @@ from ..base.arrays import F64, geometric_mean
 from ..errors import DataError, ModfunError
 from ..records.mask import sample_weights
 from ..records.record import Record
+from ..results.cures import again
 from ..results.diagnosis import fewest_samples, growth, measured_lines
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
@@ -138,10 +139,11 @@ def _at_few(fit: AnyFit) -> AnyFit:
     found = _led(fit, FAR)
     if (found is fit or not found.success) and fit.options.initial_state != "unknown":
         # Sums over a past and few samples may end where no way leads from.
-        free = fit.again(fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
-        begun = replace(fit, params=free.params)
-        led = _led(begun, FAR)
-        found = fit if led is begun else led
+        unknown = fit.options.replace(initial_state="unknown")
+        if free := again(fit, fit.records, fit.structure, unknown):
+            begun = replace(fit, params=free.params)
+            led = _led(begun, FAR)
+            found = fit if led is begun else led
     if found is fit or not found.success:
         return replace(fit, unsettled=True) if fit.layout.compiled.is_linear else fit
     error = np.sqrt(fit.cov_nonrobust.diagonal())
@@ -302,7 +304,7 @@ class _Descent:
         off, fit = self._off(params)[0], self.fit
         counts = np.array([np.count_nonzero(own, axis=1) for own in self.own])
         square = np.sum(counts) / freedom
-        level = np.sqrt([np.sum(own**2, axis=1) for own in off] / counts * square)
+        level = np.sqrt(square) * np.array([levels_of(*each) for each in zip(off, counts, strict=True)])
         cov = np.zeros((params.size, params.size))
         cov[np.ix_(self.moving, self.moving)] = np.linalg.inv(steep @ steep.T) * square
         covs = dict.fromkeys(COVARIANCES, cov)

@@ -95,9 +95,15 @@ def _settled(
                 warnings.simplefilter("ignore")
                 smooth = tuple([_unfolded(now, k, records[k], more) for k, more in enumerate(fine)])
                 less = [excess(now, k, rec) for k, rec in enumerate(records)] if whole else ()
-                known = {"levels": _levels(now, records), "starts": np.asarray(now.params).tolist()}
-                known |= {"near": True}
-                after = refit(smooth or records, now.structure, options, less=less, **known)
+                after = refit(
+                    smooth or records,
+                    now.structure,
+                    options,
+                    levels=_levels(now, records),
+                    starts=np.asarray(now.params).tolist(),
+                    less=less,
+                    near=True,
+                )
         except (ModfunError, ArithmeticError, TypeError, ValueError, np.linalg.LinAlgError):
             return None  # a response that leaves the range of numbers, or a formula without a value there
         if not after.success:

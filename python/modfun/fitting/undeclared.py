@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from math import nan
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -305,7 +304,7 @@ def _on_bands(
             structure,
             on_band(fit, fit.band),
             fit_once,
-            starts_beside(fit, structure),
+            **starts_beside(fit, structure),
         )
         for records, fit in zip(problems, fits, strict=True)
     ]
@@ -374,7 +373,7 @@ def _fit(
     structure: Any,
     options: Options,
     fit_once: FitOnce,
-    starts: Mapping[str, Any] = MappingProxyType({}),
+    **starts: Any,
 ) -> Fit | None:
     """A fit with an answer; what is wrong without one, the fit of the user says."""
     try:

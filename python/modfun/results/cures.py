@@ -359,7 +359,7 @@ def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:
     return fit.param_names[at], was, now, float(far[at])
 
 
-def again(fit: Estimates, records: Any, structure: Any, options: Options, **how: bool) -> Estimates | None:
+def again(fit: Estimates, records: Any, structure: Any, options: Options, **how: Any) -> Estimates | None:
     """The fit made again with other words, as by `again_at_all`; None where it has no answer."""
     other = again_at_all(fit, records, structure, options, **how)
     return other if other is not None and other.usable and _has_model(other) else None
@@ -374,7 +374,7 @@ def _has_model(fit: Estimates) -> bool:
 
 
 def again_at_all(
-    fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False, **how: bool
+    fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False, **how: Any
 ) -> Estimates | None:
     """The same, also without an answer; None where it is refused. `near`: begun at the estimates."""
     made: Any = fit.again
