@@ -31,6 +31,7 @@ from ..results.initial_state import find_state
 from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit, parts_with_values
 from .by_samples import deviance, levels_of, of_response, weights_of
+from .near_singular import near_singular
 from .scales import sizes
 
 __all__ = ["by_response"]
@@ -40,6 +41,7 @@ STEP = 1e-6  # of an unknown's size: the difference that stands for its derivati
 ROUNDS, REWEIGHED = 60, 3
 SETTLED = 1e-7  # of the sum of squares, which a step has to promise
 APART = 1e4  # condition number beyond which unknowns are not told apart, or by errors of differences
+MOVED = 0.5  # standard errors from sums next to a singular point: a response nearer than these tells no more
 ENDLESS = 0.01  # of its value's effect in the noise: a parameter that went to where it changes nothing
 RTOL = 1e-8  # relative error of integrations
 WAYS = ("awls", "wls", "ls")  # of fits by sums, which noise biases or which weigh otherwise
@@ -50,7 +52,8 @@ def by_response(fit: Fit) -> Fit:
     """The fit that its response asks for, where another explains the records better beyond doubt.
 
     Only where the search did not settle or what is known of the fit anyway speaks against it: its level, how
-    far noise bends its terms, or products that an elimination has left. Then steps of Levenberg and Marquardt
+    far noise bends its terms, products that an elimination has left, or outputs that noise takes near to
+    where a logarithm or quotient of theirs has no value. Then steps of Levenberg and Marquardt
     lead from several fits to least squares of the response, and a fit by sums from there stands, unless it
     leaves more. A wrong model has no such answer: what leaves more than noise is refused.
     """
@@ -76,7 +79,7 @@ def _is_asked(fit: EquationFit) -> bool:
 
 def _is_biased(fit: EquationFit) -> bool:
     """Whether noise moves the sums' estimates by several of their errors, whatever its level."""
-    return fit.bend > BENT or amplified(fit)
+    return fit.bend > BENT or amplified(fit) or near_singular(fit)
 
 
 def _found(fit: EquationFit) -> EquationFit:
@@ -92,7 +95,9 @@ def _found(fit: EquationFit) -> EquationFit:
     if best is None or not search.level_p(best) > SURE:
         return fit
     if fit.success and here and not amplified(fit) and not here.deviance - best.deviance > worth:
-        return fit
+        moved = np.abs(best.params - fit.params) > MOVED * np.asarray(fit.bse)
+        if not (near_singular(fit) and np.any(moved)):
+            return fit
     other: Any = None  # the fit by sums that begins there
     if not _is_biased(fit):
         other = again(fit, fit.records, fit.structure, fit.options, starts=best.params.tolist())

@@ -9,7 +9,7 @@ from typing import Any
 
 import sympy
 
-__all__ = ["unbiased"]
+__all__ = ["is_singular", "unbiased"]
 
 KEPT = 256  # signals
 _MOST_TERMS = 16
@@ -37,6 +37,15 @@ def unbiased(
     covariances : mapping from two channel symbols to the symbol of their noise's covariance
     """
     return _unbiased(expr, tuple(variances.items()), tuple(covariances.items()))
+
+
+def is_singular(expr: sympy.Expr, channels: Iterable[sympy.Symbol]) -> bool:
+    """Whether a logarithm, a quotient or a root of channels has no value, or no slope, somewhere."""
+    own = set(channels)
+    return any(
+        atom.args[0].free_symbols & own and not (atom.is_Pow and atom.exp.is_integer and atom.exp.is_positive)
+        for atom in expr.atoms(sympy.log, sympy.Pow)
+    )
 
 
 @lru_cache(KEPT)
