@@ -21,7 +21,18 @@ from ..errors import ModfunError, SpecError
 from .arrays import C128, F64
 from .names import nearest
 
-__all__ = ["Thing", "complexes", "is_sequence", "meant", "public", "real", "reals", "shown", "whole"]
+__all__ = [
+    "Thing",
+    "by_name",
+    "complexes",
+    "is_sequence",
+    "meant",
+    "public",
+    "real",
+    "reals",
+    "shown",
+    "whole",
+]
 
 Thing = TypeVar("Thing", bound=Callable[..., Any])
 _NO_NUMBERS = (bool, np.bool_, str, bytes, complex, np.complexfloating, np.datetime64, np.timedelta64)
@@ -66,6 +77,18 @@ def reals(what: str, name: str, given: Any, kind: type[ModfunError] = SpecError)
 def complexes(what: str, name: str, given: Any, kind: type[ModfunError] = SpecError) -> C128:
     """Return an argument as an array of numbers, real or complex; otherwise as `reals`."""
     return np.asarray(_numbers(what, name, given, kind, "fiubc"), dtype=np.complex128)
+
+
+def by_name(what: str, name: str, given: Any, names: Sequence[str]) -> Any:
+    """Return numbers that were given by name in the order of `names`; anything but a mapping as it is."""
+    if not isinstance(given, Mapping):
+        return given
+    for own in given:
+        if own not in names:
+            raise SpecError(f"{what}: {name} names {own!r}; {nearest(own, names)}")
+    if lacking := [own for own in names if own not in given]:
+        raise SpecError(f"{what}: {name} has no value of {', '.join(lacking)}; give one of each")
+    return [given[own] for own in names]
 
 
 def _numbers(what: str, name: str, given: Any, kind: type[ModfunError], kinds: str) -> NDArray[Any]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base.arguments import public, reals
+from ..base.arguments import by_name, public, reals
 from ..base.arrays import F64
 from ..base.between import AUTO
 from ..base.samples import steps_of
@@ -106,7 +106,7 @@ class NonlinearModel:
         u: Any = None,
         dt: float | None = None,
         t: ArrayLike | None = None,
-        initial_state: ArrayLike | None = None,
+        initial_state: ArrayLike | Mapping[str, float] | None = None,
         intersample: str | Sequence[str] | None = None,
         intervals: int | None = None,
         rtol: float = 1e-9,
@@ -124,9 +124,9 @@ class NonlinearModel:
             Sampling interval, s; the first sample is at t = 0.
         t : array_like, shape (time,)
             Instead of `dt`: the instants of the samples, s, uneven if need be.
-        initial_state : array_like, shape (states,), optional
-            State at the first sample in the order of `states`; default: zero. Where the equations look back
-            (y(t − h)), the state was the same before.
+        initial_state : array_like, shape (states,), or mapping, optional
+            State at the first sample in the order of `states`, or by their names; default: zero. Where the
+            equations look back (y(t − h)), the state was the same before.
         intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, default "auto"
             What the input does between samples: a cubic spline, held, or straight; "auto": as the
             samples say, see `modfun.Record`, and smooth for text and functions, which is exact.
@@ -154,7 +154,8 @@ class NonlinearModel:
             dt = u.dt if t is None else None
         given = sources(u, len(self.inputs))
         kinds = AUTO if intersample is None else intersample
-        y = self.respond(given, _grid(dt, t, given, intervals), initial_state, kinds, rtol)
+        start = by_name("simulating", "initial_state", initial_state, self.states)
+        y = self.respond(given, _grid(dt, t, given, intervals), start, kinds, rtol)
         return y[0] if len(self.outputs) == 1 else y
 
     def respond(

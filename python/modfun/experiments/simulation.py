@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._core import normals
-from ..base.arguments import public, real, reals, whole
+from ..base.arguments import by_name, public, real, reals, whole
 from ..base.arrays import F64
 from ..base.between import AUTO
 from ..base.samples import MOST_SAMPLES
@@ -203,7 +203,7 @@ def simulate(
     intervals: int | None = None,
     nsr: float = 0.0,
     process_noise: ArrayLike | ProcessNoise = 0.0,
-    initial_state: str | ArrayLike = "zero",
+    initial_state: str | ArrayLike | Mapping[str, float] = "zero",
     intersample: str | Sequence[str] | None = None,
     seed: int = 0,
     replicate: int = 0,
@@ -236,10 +236,10 @@ def simulate(
         x' = A x + B u + w, one for all states or one per state; or ProcessNoise, through inputs of the system
         that `input` then leaves out. Its response is stationary where the system is stable, else it begins
         at zero.
-    initial_state : "zero", "random" or array_like, default "zero"
+    initial_state : "zero", "random", array_like or mapping, default "zero"
         State at t = 0, of a delay system also before it. "random": normal, each state with the root mean
         square that it has in the response from rest. An array: the states, of a transfer function y, y', … of
-        the free response, of equations in the order of `NonlinearModel.states`.
+        the free response, of equations in the order of `NonlinearModel.states`, or by the names of these.
     intersample : {"auto", "smooth", "zoh", "foh"} or a sequence of them, optional
         What the input does between its samples; text and functions taken as smooth are exact. Default: what
         `mf.signals` do, else "auto": as the samples look, as in `Record`.
@@ -289,15 +289,18 @@ def simulate(
         warnings.warn(doubt, ModfunWarning, stacklevel=3)
     for name, value in (("seed", seed), ("replicate", replicate)):
         whole("simulate", name, value, 0, 2**64 - 1)
-    fixed = None if isinstance(initial_state, str) else initial_state
     entire = linear(system, "simulate")
+    begin: Any = initial_state
+    if isinstance(entire, NonlinearModel):
+        begin = by_name("simulate", "initial_state", begin, entire.states)
+    fixed = None if isinstance(begin, str) else begin
     system = measured(entire, process_noise)
     found = experiment(
         system, input=input, duration=duration, intervals=intervals, intersample=intersample, start=fixed
     )
     for text in found.jumps:
         warnings.warn(f"simulate: {text}", ModfunWarning, stacklevel=3)
-    state = _initial_state(initial_state, found, seed, replicate)
+    state = _initial_state(begin, found, seed, replicate)
     random = isinstance(initial_state, str) and initial_state == "random"
     still = not isinstance(system, LTI) and not random
     y = found.y if still else found.response(state)

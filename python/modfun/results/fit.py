@@ -28,7 +28,7 @@ from .drawn import Drawn
 from .noise_spectrum import noise_spectrum
 from .page import page_of
 from .page_records import Content, of_records
-from .prediction import InitialState, observe_paths
+from .prediction import InitialState, observe_paths, states_of
 from .process_noise import process_noise
 from .stability import stable_neighbour
 from .storage import fit_to_dict
@@ -186,11 +186,7 @@ class Fit(Drawn):
     @property
     def state_names(self) -> list[str]:
         """What `initial_state` holds: y, y', … of each output."""
-        return [
-            name + "'" * k
-            for name, order in zip(self.outputs, self.layout.orders, strict=True)
-            for k in range(order)
-        ]
+        return states_of(self.outputs, self.layout.orders)
 
     def table(
         self,
@@ -271,9 +267,9 @@ class Fit(Drawn):
         ----------
         rec : Record or int, optional
             Any record with the fit's channels; an index means one of the fit's own.
-        initial_state : "zero", array or InitialState, optional
-            Instead of a fitted one: y, y', ... of the free response at the first sample. The trend is
-            fitted all the same.
+        initial_state : "zero", array, mapping or InitialState, optional
+            Instead of a fitted one, in the order of `state_names` or by them: y, y', ... of the free response
+            at the first sample, or the states of equations. The trend is fitted all the same.
         interval : {"confidence", "prediction"}, optional
             Add an interval at each sample: of the noise-free response, by the errors of parameters, initial
             state and trend; or of a new sample, whose noise is as strong as the residuals here.

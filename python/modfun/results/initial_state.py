@@ -69,10 +69,11 @@ def simulate_equations(
     """
     structure: Any = fit.structure
     if structure.linear and rec.dt is not None:
-        state = None if initial_state is None else given_state(initial_state, len(structure.states))
+        state = None if initial_state is None else given_state(initial_state, structure.states)
         return _linear(fit, rec, structure, state)
     model = model_of(structure.compiled(fit.outputs, fit.inputs), fit.params, structure)
-    state = None if initial_state is None else given_state(initial_state, len(model.states))
+    names = structure.states if structure.linear else model.states
+    state = None if initial_state is None else given_state(initial_state, names)
     if not structure.linear:
         return find_state(model, rec, fit.trend, state)
     place = [model.states.index(name) for name in structure.states]  # the user's order

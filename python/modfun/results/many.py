@@ -24,6 +24,7 @@ from ..errors import ModfunError, SpecError
 from ..models.options import Options
 from .estimates import Estimates
 from .fit import Fit
+from .odd_records import Odd, odd_records
 from .prediction import misses
 from .process_noise import level_names, levels_of, of_many
 from .uneven_noise import UNEVEN
@@ -71,10 +72,13 @@ class FitMany(Elsewhere):
         standard errors.
     level_names : tuple of str
         What each of them is of, such as "measurement of y" and "process of y".
+    odd : (replicate,) array of bool
+        Which records are unlike the others: they leave more than three times as much, or an estimate is 20
+        standard errors from the median of all. ``params[~odd]`` leaves them out.
     doubts : tuple of str
-        What single fits of the first, the middle and the last record warn of, such as an input that is
-        missing, and where their estimates are more than three standard errors from those here and closer to
-        the samples: looked for when first asked, printed with the table.
+        Which records are odd. What single fits of the first, the middle, the last and the oddest record warn
+        of, such as an input that is missing, and where their estimates are more than three standard errors
+        from those here and closer to the samples: looked for when first asked, printed with the table.
     notes : tuple of str
         How inputs that nobody declared are read where their samples leave it open, and how many fits ended
         in a FitError, with the text of the first; in sentences.
@@ -126,12 +130,20 @@ class FitMany(Elsewhere):
         return self.look(self)
 
     @cached_property
+    def _odd(self) -> Odd:
+        return odd_records(self.params, self.bse_even, self.cost, self.usable, self.param_names)
+
+    @property
+    def odd(self) -> NDArray[np.bool_]:
+        return self._odd.records
+
+    @cached_property
     def doubts(self) -> tuple[str, ...]:
         """What fits of a few records alone warn of; looked for when first asked, printed with the table."""
         good = np.flatnonzero(self.usable)
         if self.alone is None or good.size == 0:
-            return ()
-        few = _few(good.tolist())
+            return self._odd.texts
+        few = _few(good.tolist(), self._odd)
         apart: dict[int, str] = {}
         said: dict[int, str] = {}
         for r in few:
@@ -145,7 +157,7 @@ class FitMany(Elsewhere):
             if remarks:
                 said[r] = remarks[0].removeprefix("fit: ")
         doubts = {"have other estimates than among many": apart, "raise doubts": said}
-        return tuple(
+        return self._odd.texts + tuple(
             [
                 f"{len(found)} of {len(few)} records that were fitted alone {what}; record "
                 + "{}: {}".format(*next(iter(found.items())))
@@ -297,9 +309,10 @@ class FitMany(Elsewhere):
             structure=structure,
             options=options,
             notes=notes,
-            alone={r: found[r] for r in _few(place)}.__getitem__,
             **driven,
         )
+        kept = {r: found[r] for r in _few(place, made._odd)}
+        made = replace(made, alone=kept.__getitem__)
         made.__dict__["_looked"] = rows([f.changing for f in good], False), rows([f.bse for f in good])
         return made
 
@@ -342,9 +355,10 @@ class FitMany(Elsewhere):
         )
 
 
-def _few(records: Sequence[int]) -> list[int]:
-    """The first, the middle and the last of these."""
-    return sorted({records[0], records[len(records) // 2], records[-1]})
+def _few(records: Sequence[int], odd: Odd) -> list[int]:
+    """The first, the middle and the last of these, and the oddest."""
+    few = {records[0], records[len(records) // 2], records[-1]}
+    return sorted(few if odd.worst is None else few | {odd.worst})
 
 
 def _apart(params: F64, fit: Fit) -> str | None:

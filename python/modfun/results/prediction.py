@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._core import simulate_uneven
-from ..base.arguments import shown
+from ..base.arguments import by_name, shown
 from ..base.arrays import F64
 from ..base.samples import LARGEST, frozen
 from ..errors import DataError, ModfunError, SpecError
@@ -32,6 +33,7 @@ __all__ = [
     "path_model",
     "simulate_paths",
     "simulate_system",
+    "states_of",
     "unexplained",
 ]
 
@@ -123,7 +125,7 @@ def simulate_paths(
     held = not isinstance(initial_state, str) or rest  # before the record, as in the fit
     given = None if initial_state is None else np.zeros(sum(orders))
     if initial_state is not None and not rest:
-        given = given_state(initial_state, sum(orders))
+        given = given_state(initial_state, states_of(rec.outputs, orders))
     drift, weights = trend_columns(rec.t, trend), sample_weights(rec.mask, rec.sigma, rec.y.shape)
     simulated = np.empty_like(rec.y)
     cov = np.zeros((sum(orders), sum(orders)))
@@ -224,8 +226,16 @@ def observe_paths(
     return InitialState(np.concatenate(states), cov, np.concatenate(trends))
 
 
-def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
-    """An initial state of n numbers as the user gave it to `predict`."""
+def states_of(outputs: Sequence[str], orders: Sequence[int]) -> list[str]:
+    """Names of the states of transfer functions: y, y', … of each output."""
+    return [name + "'" * k for name, order in zip(outputs, orders, strict=True) for k in range(order)]
+
+
+def given_state(
+    initial_state: str | ArrayLike | Mapping[str, float] | InitialState, names: Sequence[str]
+) -> F64:
+    """An initial state as the user gave it to `predict`, in the order of the names."""
+    n = len(names)
     if isinstance(initial_state, str):
         if initial_state != "zero":
             raise SpecError(
@@ -233,6 +243,7 @@ def given_state(initial_state: str | ArrayLike | InitialState, n: int) -> F64:
                 "an array, or left out"
             )
         return np.zeros(n)
+    initial_state = by_name("predict", "initial_state", initial_state, names)
     try:
         state = np.asarray(initial_state, dtype=float)
     except Exception:  # of whatever the conversion of an unknown object raises

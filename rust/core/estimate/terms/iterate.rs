@@ -59,7 +59,8 @@ struct Loaded {
 }
 
 impl Loaded {
-    /// What is to be made for rows of such weights: flat ones need no covariance.
+    /// What is to be made for rows of such weights: flat ones need no covariance, but what stays the same at every θ
+    /// is made with the signals, of the same formulas.
     fn missing(self, moves: bool, weights: RowWeights) -> Parts {
         let part = |loaded: bool| match (loaded, moves) {
             (false, _) => Part::All,
@@ -67,8 +68,8 @@ impl Loaded {
             (true, false) => Part::Nothing,
         };
         let pairs = match weights {
-            RowWeights::Flat => Part::Nothing,
-            RowWeights::Adapted => part(self.pairs),
+            RowWeights::Flat if moves || self.signals => Part::Nothing,
+            _ => part(self.pairs),
         };
         Parts { signals: part(self.signals), pairs }
     }
@@ -174,7 +175,7 @@ impl<'a> TermsProblem<'a> {
             plan.load(isa, e, pairs, &at, parts, space, &mut spot.spectra)?;
         }
         self.loaded.signals = true;
-        self.loaded.pairs |= weights == RowWeights::Adapted;
+        self.loaded.pairs |= parts.pairs != Part::Nothing;
         Ok(())
     }
 
