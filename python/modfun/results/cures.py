@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.cached import kept
+from ..base.effort import spend
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
@@ -40,6 +41,7 @@ FURTHEST = 0.05  # of the record
 ALIGNED = 0.1  # samples from whole ones, which are exact
 MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so much of the best one's worth
 MOVED = 11.0  # standard errors of the coefficient of a state that is missing: of slow noise they were below 9
+FIT, FORMULA = 0.02, 3e-3  # work of a fit beside its iterations: of any, and for each operation of formulas
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -378,6 +380,8 @@ def again_at_all(
 ) -> Estimates | None:
     """The same, also without an answer; None where it is refused. `near`: begun at the estimates."""
     made: Any = fit.again
+    formulas = getattr(fit.layout, "formulas", None)  # of equations
+    spend(FIT if formulas is None else FORMULA * len(formulas.words["formulas"][0]))
     try:
         return made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)  # type: ignore[no-any-return]
     except ModfunError:  # too many unknowns for the band, say
