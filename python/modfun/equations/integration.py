@@ -17,11 +17,7 @@ from ..systems.propagate import spline, too_steep
 __all__ = ["Function", "Signal", "integrate", "signal"]
 
 MOST = (200_000, 50)  # the core may take so many steps, and so many a sample
-FEW_STEPS = (
-    100,
-    4,
-    4,
-)  # the same where work is counted, and times as many where these do not lead to the end
+FEW_STEPS = (100, 1, 4)  # the same where work is counted, and times as many where these are too few
 STEP, OWN = 1e-7, 15  # work of an operation in a step, and operations that any step takes
 WIDTH, WIDEST = 1e-6, 1e-5  # of a switch, in sizes of the states
 
@@ -185,7 +181,7 @@ def _counted(
     tape: tuple[list[Any], list[int]], grid: F64, drives: F64, pasts: list[tuple[int, float]], first: F64,
     own: F64, rtol: float, absolute: F64, most: int,
 ) -> tuple[F64 | None, float | None, float | None]:  # fmt: skip
-    """What the core finds in so many steps; where work is counted, in few steps first, as it tells no number."""
+    """What the core finds in so many steps; where work is counted, in few first, as it tells no number."""
     allowed = FEW_STEPS[0] + FEW_STEPS[1] * grid.size if Effort.limited() else most
     while True:
         allowed = min(allowed, most)

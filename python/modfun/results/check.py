@@ -90,7 +90,7 @@ STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
 )
-UNASKED, MOMENT = 4.0, 1.0  # work of the looks that a fit is made with, and of those while a line is printed
+UNASKED, MOMENT = 4.0, 0.5  # work of the looks that a fit is made with, and of those while a line is printed
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -384,15 +384,15 @@ def _looked(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Es
         return Doubt(f"A part of this check, {look.__name__}, failed ({text}): please report it.", sure=False)
 
 
-def doubts_in_line(fit: Estimates) -> int | None:
-    """How many doubts a printed line tells of: all, or None where to look for them takes more than a moment."""
+def doubts_in_line(fit: Any) -> int | None:
+    """How many doubts a printed line tells of; None where to look for all takes more than a moment."""
     if not fit.success:
         return 0
     return len(fit.check()) if "_findings" in fit.__dict__ else _in_a_moment(fit)
 
 
 @kept
-def _in_a_moment(fit: Estimates) -> int | None:
+def _in_a_moment(fit: Any) -> int | None:
     try:
         with Effort(MOMENT):
             return len(fit.check())

@@ -190,13 +190,15 @@ def _of_group(
 
 
 @kept
-def _near_by(fit: Estimates) -> tuple[Any, dict[str, bool], float]:
+def _near_by(fit: Estimates) -> tuple[Any, dict[str, Any], float]:
     """Records to which candidates are fitted, how, and what BIC of the fit made so again lacks of its own.
 
-    Outputs are without what sampling folds, as the fit told: to simulate each candidate between the samples
-    took more than half of the time, 50 s with two delays.
+    Outputs are without what sampling folds, as the fit told, and nonlinear equations without what they leave
+    of its response: to simulate each candidate took more than half of the time, 50 s with two delays.
     """
     layout: Any = fit.layout
+    if not layout.compiled.is_linear and all([rec.dt is not None for rec in fit.records or ()]):
+        return fit.records, {"unfolded": True, "less": getattr(fit, "less", ())}, 0.0
     unfolded = layout.compiled.is_linear and not fit.with_past and getattr(fit, "unfolded", ())
     same = None
     if unfolded:
@@ -380,12 +382,14 @@ def again_at_all(
 ) -> Estimates | None:
     """The same, also without an answer; None where it is refused. `near`: begun at the estimates."""
     made: Any = fit.again
-    formulas = getattr(fit.layout, "formulas", None)  # of equations
-    spend(FIT if formulas is None else FORMULA * len(formulas.words["formulas"][0]))
+    spend(FIT)
     try:
-        return made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)  # type: ignore[no-any-return]
+        other = made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)
     except ModfunError:  # too many unknowns for the band, say
         return None
+    formulas = getattr(other.layout, "formulas", None)  # of equations
+    spend(FORMULA * len(formulas.words["formulas"][0]) if formulas else 0.0)
+    return other  # type: ignore[no-any-return]
 
 
 def otherwise(rec: Record, channel: int, word: str) -> Record:
