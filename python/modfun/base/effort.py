@@ -16,23 +16,26 @@ class Spent(BaseException):
 class Effort:
     """A context within which work is counted, and `Spent` raised beyond `most`.
 
-    Inside another one it counts for nothing: the outer one is what limits.
+    Inside another one it has no more than that one has left, and counts there, too.
 
     Parameters
     ----------
     most : float
-        About seconds of one core of 2020.
+        About seconds of one core of 2020, at most.
     """
 
     _now: ClassVar[ContextVar[Effort | None]] = ContextVar("effort", default=None)
 
     def __init__(self, most: float) -> None:
-        self.left = most
+        self.most = self.left = most
+        self._outer: Effort | None = None
         self._token: Token[Effort | None] | None = None
 
     def __enter__(self) -> Effort:
-        if Effort._now.get() is None:
-            self._token = Effort._now.set(self)
+        self._outer = Effort._now.get()
+        if self._outer is not None:
+            self.most = self.left = min(self.most, self._outer.left)
+        self._token = Effort._now.set(self)
         return self
 
     def __exit__(
@@ -40,6 +43,8 @@ class Effort:
     ) -> None:
         if self._token is not None:
             Effort._now.reset(self._token)
+        if self._outer is not None:
+            self._outer.left -= self.most - self.left
 
     @staticmethod
     def limited() -> bool:

@@ -90,7 +90,7 @@ STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
 )
-UNASKED, MOMENT = 4.0, 0.5  # work of the looks that a fit is made with, and of those while a line is printed
+UNASKED, MOMENT = 8.0, 0.5  # work of the looks that a fit is made with, and of those while a line is printed
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 

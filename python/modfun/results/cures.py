@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.cached import kept
-from ..base.effort import spend
+from ..base.effort import Effort, Spent, spend
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
@@ -41,6 +41,7 @@ FURTHEST = 0.05  # of the record
 ALIGNED = 0.1  # samples from whole ones, which are exact
 MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so much of the best one's worth
 MOVED = 11.0  # standard errors of the coefficient of a state that is missing: of slow noise they were below 9
+EACH = 1.0  # work of a fit, in looks that nobody asked for
 FIT, FORMULA = 0.02, 3e-3  # work of a fit beside its iterations: of any, and for each operation of formulas
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
@@ -380,7 +381,24 @@ def _has_model(fit: Estimates) -> bool:
 def again_at_all(
     fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False, **how: Any
 ) -> Estimates | None:
-    """The same, also without an answer; None where it is refused. `near`: begun at the estimates."""
+    """The same, also without an answer; None where it is refused. `near`: begun at the estimates.
+
+    Of looks that nobody asked for one that takes undue work is refused, too: a candidate whose response is
+    stiff took as much as all others.
+    """
+    if not Effort.limited():
+        return _made(fit, records, structure, options, near, how)
+    try:
+        with Effort(EACH):
+            return _made(fit, records, structure, options, near, how)
+    except Spent:
+        spend(0.0)  # which is for the whole look to say
+        return None
+
+
+def _made(
+    fit: Estimates, records: Any, structure: Any, options: Options, near: bool, how: dict[str, Any]
+) -> Estimates | None:
     made: Any = fit.again
     spend(FIT)
     try:
