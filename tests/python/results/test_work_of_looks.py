@@ -31,7 +31,9 @@ def test_a_stiff_candidate_takes_no_minutes(monkeypatch):
     t = np.arange(0, 40.001, 0.1)
     model = mf.Equation("s' = b*feed - V*s/(K+s)", outputs=["s"], inputs=["feed"])
     feed = 0.6 + 0.4 * np.sin(0.5 * t) + 0.3 * np.sin(1.3 * t + 1)
-    s = model.model({"b": 1.0, "V": 1.5, "K": 0.3}).simulate(feed, dt=0.1, initial_state=[1.5])[0]
+    s = model.model({"b": 1.0, "V": 1.5, "K": 0.3}).simulate(
+        u=feed, dt=0.1, initial_state=[1.5], intersample="smooth"
+    )[0]
     noise = np.random.default_rng(108).standard_normal((1, t.size))[0]
     rec = mf.Record(y={"s": s + 0.03 * np.sqrt(np.mean(s**2)) * noise}, u={"feed": feed}, dt=0.1)
     monkeypatch.setattr(integration, "core_integrate", counted)
