@@ -9,6 +9,7 @@ import numpy as np
 
 from .._core import integrate as core_integrate
 from ..base.arrays import F64
+from ..base.effort import Effort, spend
 from ..errors import DataError, SpecError
 from ..signals.sources import Source, evaluate, function, is_samples
 from ..systems.propagate import spline, too_steep
@@ -16,6 +17,8 @@ from ..systems.propagate import spline, too_steep
 __all__ = ["Function", "Signal", "integrate", "signal"]
 
 MOST = (200_000, 50)  # the core may take so many steps, and so many a sample
+FEW_STEPS = (100, 1, 4)  # the same where work is counted, and times as many where these are too few
+STEP, OWN = 1e-7, 15  # work of an operation in a step, and operations that any step takes
 WIDTH, WIDEST = 1e-6, 1e-5  # of a switch, in sizes of the states
 
 
@@ -155,9 +158,7 @@ def integrate(
     x = starts[:, :, None]
     for _ in range(3):
         own = np.hstack([theta.T, np.tile(width, (len(first), 1))])
-        found, left, largest = core_integrate(
-            tape, grid, drives, list(pasts), first, own, rtol, absolute, most
-        )
+        found, left, largest = _counted(tape, grid, drives, list(pasts), first, own, rtol, absolute, most)
         if left is not None and largest is not None:
             raise DataError(
                 f"simulating: {most} steps lead no further than t = {left:.6g} s, where the states are as "
@@ -174,6 +175,21 @@ def integrate(
         absolute = absolute if finer is None else finer
         width = np.where(wide, WIDTH * peak[: width.size], width)
     return x
+
+
+def _counted(
+    tape: tuple[list[Any], list[int]], grid: F64, drives: F64, pasts: list[tuple[int, float]], first: F64,
+    own: F64, rtol: float, absolute: F64, most: int,
+) -> tuple[F64 | None, float | None, float | None]:  # fmt: skip
+    """What the core finds in so many steps; where work is counted, in few first, as it tells no number."""
+    allowed = FEW_STEPS[0] + FEW_STEPS[1] * grid.size if Effort.limited() else most
+    while True:
+        allowed = min(allowed, most)
+        spend(STEP * (OWN + len(tape[0])) * allowed * len(first))
+        found = core_integrate(tape, grid, drives, pasts, first, own, rtol, absolute, allowed)
+        if allowed == most or found[1] is None or found[2] is None:
+            return found
+        allowed *= FEW_STEPS[2]
 
 
 def _finer(absolute: F64, rtol: float, peak: F64) -> F64 | None:

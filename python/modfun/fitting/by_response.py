@@ -311,6 +311,7 @@ class _Search:
             condition_bound=inf,
             bend=0.0,
             unfolded=(),
+            less=(),
             unsettled=False,
             **of_response(fit, here.left, level, self.counts, freedom),
         )

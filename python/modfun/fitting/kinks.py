@@ -118,7 +118,7 @@ def _settled(
         if whole and len(sizes) == 1 and sizes[0] < CLOSE:
             return start  # which needs none
         before = step
-        now = replace(after, records=records, unfolded=smooth)
+        now = replace(after, records=records, unfolded=smooth, less=tuple(less))
     closer = sizes[-1] < max(SETTLED, LESS * sizes[0])  # nan is not
     return replace(now, band_rule=start.band_rule) if closer else None
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from .._core import TermsFitter, noise_level
 from ..base.arrays import F64, geometric_mean
+from ..base.effort import spend
 from ..equations.layout import EquationLayout, layout_of, with_excess
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
@@ -38,6 +39,7 @@ from .signs import as_written, positive
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
+ITERATION = 1e-7  # work of an iteration of the core, for each operation and sample
 QUIET = log(0.01)  # of the outputs' size: less in the high band may be kinks alone
 
 
@@ -261,10 +263,10 @@ def _sought(
         _refuse_not_finite(layout, rows)
         if len(less):
             rows = [np.vstack(both) for both in zip(rows, less, strict=True)]
-        found = made.core.fit(rows)
+        found = _counted(made, rows)
         if near and found["status"] != "ok":
             made = prepare_equation(*given)
-            found = made.core.fit(rows)
+            found = _counted(made, rows)
         made = replace(made, layout=layout)  # that of `less` has a signal more
         return _of_found(found, structure, made, options, records, blurred, again)
 
@@ -281,6 +283,14 @@ def _sought(
         fit = told if told.success else fit
     blinds = [blind(rec, v) for rec, v in zip(records, uneven, strict=True)]
     return across(fit, outputs, blinds, fitted)
+
+
+def _counted(made: PreparedEquation, rows: list[F64]) -> dict[str, Any]:
+    """What the core finds, its work counted by its iterations."""
+    found: dict[str, Any] = made.core.fit(rows)
+    samples = sum([row.shape[1] for row in rows])
+    spend(ITERATION * samples * len(made.layout.formulas.words["formulas"][0]) * found["nit"])
+    return found
 
 
 def _at_the_cost_of_others(fit: EquationFit, records: Sequence[Record], order: int) -> bool:

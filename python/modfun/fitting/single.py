@@ -35,11 +35,13 @@ def fit_quietly(
     starts: Sequence[float] | None = None,
     unfolded: bool = False,
     near: bool = False,
+    less: Sequence[F64] = (),
 ) -> Fit:
     """One fit without its warnings.
 
     `starts`: where the search of an equation's parameters begins; `near`: whether these are estimates of
-    the same equations; `unfolded`: whether what sampling folds is out of the outputs, as another fit told.
+    the same equations; `unfolded`: whether what sampling folds is out of the outputs, as another fit told;
+    `less`: samples that are taken from the equations, as that one told.
     """
     refuse_uneven(records)
     if options.reference:
@@ -48,7 +50,7 @@ def fit_quietly(
         fit: Fit = fit_with_past(records, structure, options, fit_quietly)
         return fit if isinstance(structure, TransferFunction) else by_samples(fit)
     if not isinstance(structure, TransferFunction):
-        few = fit_equation(records, structure, options, fit_quietly, starts=starts, near=near)
+        few = fit_equation(records, structure, options, fit_quietly, starts=starts, near=near, less=less)
         if starts is None:  # begun beside an answer, whose signs are settled
             few = settled(few, lambda made: fit_equation(records, made, options, fit_quietly))
         enough = equations_on_enough_lines(equations_on_fewer_lines(few, fit_equation), fit_equation)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..base.cached import kept
+from ..base.effort import Effort, Spent
 from ..base.tables import Findings
 from ..base.waiting import Waiting
 from ..records.steady import QUIET, standing
@@ -65,7 +66,6 @@ from .nothing_free import nothing_free
 from .offsets import is_all, mean, offset, unanswered
 from .origin import LEAST_GAIN, smaller_errors
 from .powers import not_linear
-from .refits import lengthy
 from .runaway import runaway
 from .slow_inputs import slow_input
 from .slow_noise import slow_noise
@@ -83,13 +83,14 @@ from .unnamed_inputs import missing_input
 from .unrecorded_inputs import unforced, unrecorded_input
 from .unseen_events import unseen_event
 
-__all__ = ["check", "is_quick", "warnings_of"]
+__all__ = ["check", "doubts_in_line", "remarks", "warnings_of"]
 
 
 STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
 )
+UNASKED, MOMENT = 8.0, 0.5  # work of the looks that a fit is made with, and of those while a line is printed
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -336,12 +337,39 @@ FAILURES: tuple[type[Exception], ...] = (Exception,)
 
 def warnings_of(fit: Estimates, looks: tuple[Callable[[Estimates], Doubt | None], ...] = LOOKS) -> list[str]:
     """The one warning a fit is made with: the first of what is beyond doubt, if there is any."""
+    return _first(fit, looks, ())
+
+
+def remarks(fit: Estimates) -> list[str]:
+    """The same, of looks that nobody asked for: what takes more work than these are given, `check` finds."""
+    with Effort(UNASKED):
+        return _first(fit, LOOKS, Spent)
+
+
+def _first(
+    fit: Estimates,
+    looks: tuple[Callable[[Estimates], Doubt | None], ...],
+    ended: type[BaseException] | tuple[()],
+) -> list[str]:
+    """What looks are first to find beyond doubt; those that `ended` stops find nothing."""
     if not fit.usable:
-        return [f"fit: {_failed(fit)}"]
+        try:
+            return [f"fit: {_failed(fit)}"]
+        except ended:
+            return [f"fit: {fit.message}"]
     with np.errstate(all="ignore"):  # fits of hostile numbers leave the range of floating point
-        whole = stand_in(fit)
-        found = (_looked(look, fit, whole) for look in looks)
-        return next(([f"fit: {doubt.text}"] for doubt in found if doubt and doubt.sure), [])
+        try:
+            whole = stand_in(fit)
+        except ended:
+            return []
+        for look in looks:
+            try:
+                doubt = _looked(look, fit, whole)
+            except ended:
+                continue
+            if doubt and doubt.sure:
+                return [f"fit: {doubt.text}"]
+    return []
 
 
 def _looked(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Estimates) -> Doubt | None:
@@ -356,15 +384,20 @@ def _looked(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Es
         return Doubt(f"A part of this check, {look.__name__}, failed ({text}): please report it.", sure=False)
 
 
-def is_quick(fit: Estimates) -> bool:
-    """Whether doubts are found while a line is printed.
+def doubts_in_line(fit: Any) -> int | None:
+    """How many doubts a printed line tells of; None where to look for all takes more than a moment."""
+    if not fit.success:
+        return 0
+    return len(fit.check()) if "_findings" in fit.__dict__ else _in_a_moment(fit)
 
-    With delays each cure of an equation is a search, and with long formulas each takes seconds.
-    """
-    layout: Any = fit.layout
-    if layout.rational:
-        return True
-    return all(late is None for _, _, late in layout.formulas.words["signals"]) and not lengthy(fit)
+
+@kept
+def _in_a_moment(fit: Any) -> int | None:
+    try:
+        with Effort(MOMENT):
+            return len(fit.check())
+    except Spent:
+        return None
 
 
 def check(fit: Estimates, line: str) -> Findings:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..base.cached import kept
+from ..base.effort import Effort, Spent, spend
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
@@ -40,6 +41,8 @@ FURTHEST = 0.05  # of the record
 ALIGNED = 0.1  # samples from whole ones, which are exact
 MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so much of the best one's worth
 MOVED = 11.0  # standard errors of the coefficient of a state that is missing: of slow noise they were below 9
+EACH = 1.0  # work of a fit, in looks that nobody asked for
+FIT, FORMULA = 0.02, 3e-3  # work of a fit beside its iterations: of any, and for each operation of formulas
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -188,13 +191,15 @@ def _of_group(
 
 
 @kept
-def _near_by(fit: Estimates) -> tuple[Any, dict[str, bool], float]:
+def _near_by(fit: Estimates) -> tuple[Any, dict[str, Any], float]:
     """Records to which candidates are fitted, how, and what BIC of the fit made so again lacks of its own.
 
-    Outputs are without what sampling folds, as the fit told: to simulate each candidate between the samples
-    took more than half of the time, 50 s with two delays.
+    Outputs are without what sampling folds, as the fit told, and nonlinear equations without what they leave
+    of its response: to simulate each candidate took more than half of the time, 50 s with two delays.
     """
     layout: Any = fit.layout
+    if not layout.compiled.is_linear and all([rec.dt is not None for rec in fit.records or ()]):
+        return fit.records, {"unfolded": True, "less": getattr(fit, "less", ())}, 0.0
     unfolded = layout.compiled.is_linear and not fit.with_past and getattr(fit, "unfolded", ())
     same = None
     if unfolded:
@@ -376,12 +381,33 @@ def _has_model(fit: Estimates) -> bool:
 def again_at_all(
     fit: Estimates, records: Any, structure: Any, options: Options, *, near: bool = False, **how: Any
 ) -> Estimates | None:
-    """The same, also without an answer; None where it is refused. `near`: begun at the estimates."""
-    made: Any = fit.again
+    """The same, also without an answer; None where it is refused. `near`: begun at the estimates.
+
+    Of looks that nobody asked for one that takes undue work is refused, too: a candidate whose response is
+    stiff took as much as all others.
+    """
+    if not Effort.limited():
+        return _made(fit, records, structure, options, near, how)
     try:
-        return made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)  # type: ignore[no-any-return]
+        with Effort(EACH):
+            return _made(fit, records, structure, options, near, how)
+    except Spent:
+        spend(0.0)  # which is for the whole look to say
+        return None
+
+
+def _made(
+    fit: Estimates, records: Any, structure: Any, options: Options, near: bool, how: dict[str, Any]
+) -> Estimates | None:
+    made: Any = fit.again
+    spend(FIT)
+    try:
+        other = made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)
     except ModfunError:  # too many unknowns for the band, say
         return None
+    formulas = getattr(other.layout, "formulas", None)  # of equations
+    spend(FORMULA * len(formulas.words["formulas"][0]) if formulas else 0.0)
+    return other  # type: ignore[no-any-return]
 
 
 def otherwise(rec: Record, channel: int, word: str) -> Record:

@@ -177,7 +177,7 @@ class Fit(Drawn):
 
     def remarks(self) -> list[str]:
         """The one warning that the fit is made with, where the data contradict it beyond doubt."""
-        return check.warnings_of(self)
+        return check.remarks(self)
 
     def facts(self) -> list[tuple[str, str]]:
         """What stands above the parameters in the summary: names and texts."""
@@ -490,7 +490,7 @@ class Fit(Drawn):
         return replace(self, records=None, instrumented=None, with_past=None, **own)
 
     def __repr__(self) -> str:
-        return one_line(self, len(self.check()) if self.success and check.is_quick(self) else 0)
+        return one_line(self, check.doubts_in_line(self))
 
     def _repr_html_(self) -> str:
         return self.summary()._repr_html_()

@@ -55,6 +55,8 @@ class EquationFit(Fit):
         The records where they have inputs that the equations do not name; else none.
     unfolded : tuple of Record
         The records without what sampling folds into the lines under held inputs, where that was taken out.
+    less : tuple of (equation, time) array
+        What was taken from nonlinear equations: what sums over samples leave of their own response.
     unsettled : bool
         Whether what sums over the samples err by could not be taken out of the equations.
     by_response : bool
@@ -68,6 +70,7 @@ class EquationFit(Fit):
     other_signs: F64 | None = None
     unnamed: tuple[Record, ...] = ()
     unfolded: tuple[Record, ...] = ()
+    less: tuple[F64, ...] = ()
     unsettled: bool = False
     by_response: bool = False
 

@@ -37,14 +37,15 @@ START = {
 }
 
 
-def one_line(fit: Estimates, doubts: int = 0) -> str:
-    """A fit on one line, with the number of doubts about it."""
+def one_line(fit: Estimates, doubts: int | None = 0) -> str:
+    """A fit on one line, with the number of doubts about it; None: not all were looked for."""
     stuck = dict.fromkeys(fit.at_bound, " (on its bound)") | dict.fromkeys(still_held(fit), " (held)")
     numbers = ", ".join(
         f"{name}={value:.5g}{stuck.get(name, f'±{error:.2g}')}"
         for name, value, error in zip(fit.param_names, fit.params, fit.bse, strict=True)
     )
     said = f", {doubts} doubt{'s' if doubts > 1 else ''} in check()" if doubts else ""
+    said = ", check() looks further" if doubts is None else said
     return f"Fit({_path(fit)}, {fit.options.method}, {fit.status}{said}: {numbers})"
 
 
