@@ -165,8 +165,12 @@ def _bics(fits: list[Fit]) -> list[float]:
         return [float("nan")] * len(fits)
     band = min(fit.band[0] for fit in fits), max(fit.band[1] for fit in fits)
     found = [again(fit, fit.records or (), fit.structure, on_band(fit, band)) for fit in fits]
-    base = next((fit for fit in found if fit is not None), None)
-    return [float("nan") if fit is None or base is None else bic_beside(fit, base) for fit in found]
+    # Beside the longest windows: what has a delay is compared over its own, which starts late, and does not
+    # compare where the other has no answer there.
+    usable = [fit for fit in found if fit is not None]
+    base = max(usable, key=lambda fit: sum(fit.intervals), default=None)
+    each = [float("inf") if fit is None or base is None else bic_beside(fit, base) for fit in found]
+    return [bic if np.isfinite(bic) else float("nan") for bic in each]
 
 
 @public
