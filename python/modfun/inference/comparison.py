@@ -37,10 +37,12 @@ class Comparison(Table):
 
     Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, bic: of
     each model fitted again over the widest band of all of them. A model's own BIC counts the lines of its
-    own band, and does not compare. `bic` is nan in every row where the fits are not of the same records and
-    outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row of a
-    model that cannot be fitted over that band, or has no parameters: a linear system was not fitted to this
-    record, so that no criterion of fits holds for it. The scores of a model too unstable to be simulated over
+    own band, and does not compare; one whose delay starts the window late counts by what it gains over that
+    window on the model of the longest. `bic` is nan in every row where the fits are not of the same records
+    and outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row
+    of a model that cannot be fitted over that band, beside which the other cannot be fitted over its window,
+    or which has no parameters: a linear system was not fitted to this record, so that no criterion of fits
+    holds for it. The scores of a model too unstable to be simulated over
     the record are nan; `title` names it.
 
     Parameters
