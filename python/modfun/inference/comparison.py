@@ -37,10 +37,12 @@ class Comparison(Table):
 
     Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, bic: of
     each model fitted again over the widest band of all of them. A model's own BIC counts the lines of its
-    own band, and does not compare. `bic` is nan in every row where the fits are not of the same records and
-    outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row of a
-    model that cannot be fitted over that band, or has no parameters: a linear system was not fitted to this
-    record, so that no criterion of fits holds for it. The scores of a model too unstable to be simulated over
+    own band, and does not compare; one whose delay starts the window late counts by what it gains over that
+    window on the model of the longest. `bic` is nan in every row where the fits are not of the same records
+    and outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row
+    of a model that cannot be fitted over that band, beside which the other cannot be fitted over its window,
+    or which has no parameters: a linear system was not fitted to this record, so that no criterion of fits
+    holds for it. The scores of a model too unstable to be simulated over
     the record are nan; `title` names it.
 
     Parameters
@@ -165,8 +167,12 @@ def _bics(fits: list[Fit]) -> list[float]:
         return [float("nan")] * len(fits)
     band = min(fit.band[0] for fit in fits), max(fit.band[1] for fit in fits)
     found = [again(fit, fit.records or (), fit.structure, on_band(fit, band)) for fit in fits]
-    base = next((fit for fit in found if fit is not None), None)
-    return [float("nan") if fit is None or base is None else bic_beside(fit, base) for fit in found]
+    # Beside the longest windows: what has a delay is compared over its own, which starts late, and does not
+    # compare where the other has no answer there.
+    usable = [fit for fit in found if fit is not None]
+    base = max(usable, key=lambda fit: sum(fit.intervals), default=None)
+    each = [float("inf") if fit is None or base is None else bic_beside(fit, base) for fit in found]
+    return [bic if np.isfinite(bic) else float("nan") for bic in each]
 
 
 @public

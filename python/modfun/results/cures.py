@@ -348,9 +348,42 @@ def on_band(fit: Estimates, band: tuple[float, float]) -> Options:
 
 
 def bic_beside(fit: Estimates, base: Estimates) -> float:
-    """BIC as if the fit had as many equations as the base: a delay or a pole takes a few away."""
+    """BIC as if the fit had as many equations as the base: a delay or a pole takes a few away.
+
+    A window that starts late, as that of a delay, may leave out the very response that the base has wrong:
+    what counts is how much lower BIC is than that of the base over the same window.
+    """
+    late = _late_by(fit, base)
+    if not any(late):
+        return _as_many(fit, base)
+    same = _from_sample(base, late)
+    return inf if same is None else _as_many(base, base) + _as_many(fit, base) - _as_many(same, base)
+
+
+def _as_many(fit: Estimates, base: Estimates) -> float:
     own, rows = fit.df_resid + fit.params.size, base.df_resid + base.params.size
     return (fit.bic - fit.params.size * log(own)) / own * rows + fit.params.size * log(rows)
+
+
+def _late_by(fit: Estimates, base: Estimates) -> tuple[int, ...]:
+    """By how many samples of each record the window of a fit starts after that of another."""
+    ours, theirs = (
+        [rec.t[max(rec.intervals - n, 0) :] for rec, n in zip(one.records or (), one.intervals, strict=False)]
+        for one in (fit, base)
+    )
+    if base.again is None or len(ours) != len(theirs):
+        return ()
+    return tuple([int(np.sum(own[1:] <= t[0])) for t, own in zip(ours, theirs, strict=True)])
+
+
+@kept
+def _from_sample(fit: Estimates, late: tuple[int, ...]) -> Estimates | None:
+    """The fit over windows that start so many samples later; None where there is no such fit."""
+    try:
+        cut = [rec.window(rec.t[n], rec.t[-1]) for rec, n in zip(fit.records or (), late, strict=True)]
+    except ModfunError:
+        return None
+    return again(fit, tuple(cut), fit.structure, on_band(fit, fit.band))
 
 
 def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:

@@ -19,6 +19,7 @@ __all__ = [
 
 LAGS = 6  # samples after which an input may respond to a residual
 PAST = 12  # of its own samples, from which it is predicted
+SWEPT = 4  # of these, whose coefficients may be squares of the time, as of a sine whose frequency moves
 LONG = 60  # of these, before innovations are said to move it: a delay or a clock may reach far back
 SHORTEST = 5 * (LAGS + PAST)  # samples
 LONGEST = 1 << 12  # samples of a record that are looked at
@@ -49,11 +50,16 @@ Answer = tuple[float, int, int]  # p-value, output, input
 
 
 def likeliest(
-    fit: Estimates, led: dict[tuple[int, int], F64], left: dict[int, F64], asked: float = ASKED
+    fit: Estimates,
+    led: dict[tuple[int, int], F64],
+    left: dict[int, F64],
+    asked: float = ASKED,
+    *,
+    swept: bool = False,
 ) -> Answer | None:
     """The likeliest way back, its p-value times the number of those that were tried; None above `asked`."""
     tests = [
-        (granger(past, e, lags_of(fit, j)), i, j)
+        (granger(past, e, lags_of(fit, j), swept=swept), i, j)
         for (k, j), past in led.items()
         for i, e in enumerate(left[k])
     ]
@@ -78,11 +84,12 @@ def follows(fit: Estimates, led: dict[tuple[int, int], F64]) -> Followed | None:
     found = likeliest(fit, led, {k: one.e for k, one in made.items()}, CERTAIN)
     if found is None:
         return None
-    # Of inputs that change at some samples only, and act late, what is long ago says when they do.
+    # Of inputs that change at some samples only, and act late, what is long ago says when they do. A sweep is
+    # known from its past by coefficients that go with the time, of which innovations of a bent system tell.
     longer = {k: _innovations(fit, k, long_past(fit, k)) for k in made}
     pasts = {(k, j): _past(_window(fit, k, j), long_past(fit, k)) for k, j in led}
     known = {pair: past for pair, past in pasts.items() if past is not None}
-    found = likeliest(fit, known, {k: one.e for k, one in longer.items()}, CERTAIN)
+    found = likeliest(fit, known, {k: one.e for k, one in longer.items()}, CERTAIN, swept=True)
     return None if found is None else (led, found, longer)
 
 
@@ -104,18 +111,22 @@ def long_past(fit: Estimates, k: int) -> int:
     return max(PAST, min(LONG, min(fit.intervals[k], LONGEST) // 8))
 
 
-def granger(past: F64, e: F64, lags: range) -> float | None:
+def granger(past: F64, e: F64, lags: range, *, swept: bool = False) -> float | None:
     """p-value of an F test that residuals say nothing of an input beside its past; None if nobody can tell.
 
-    `past` are columns of `_past`, the last of them the input itself.
+    `past` are columns of `_past`, the last of them the input itself. `swept`: whether what it says of the
+    input may change in time.
     """
     from scipy.special import fdtrc
 
     size, start = past.shape[1], len(past) - 2  # the samples before the first one
     late = np.array([e[start - lag :][:size] for lag in lags])
-    _, alone = regressed(past[:-1], past[-1])
-    _, both = regressed(np.concatenate([past[:-1], late]), past[-1])
-    left, freedom = float(both @ both), size - start - 1 - len(late)
+    known, time = past[:-1], np.linspace(-1.0, 1.0, size)
+    if swept:
+        known = np.concatenate([known, known[1 : 1 + SWEPT] * time, known[1 : 1 + SWEPT] * time**2])
+    _, alone = regressed(known, past[-1])
+    _, both = regressed(np.concatenate([known, late]), past[-1])
+    left, freedom = float(both @ both), size - len(known) - len(late)
     if freedom < 1 or not late.any():
         return None
     gained = max(float(alone @ alone) - left, 0.0)
