@@ -1,21 +1,22 @@
-"""Noise that drives a transfer function and is not white, though noise="process" says so."""
+"""Noise that is not white, though a fit takes it for that: in the system or on its outputs."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from ..base.cached import kept
-from .cures import again, on_band
+from .cures import WORTH, again, bic_beside, furthest, on_band
 from .diagnosis import growth, worst_colour
 from .doubts import SURE, Doubt
 from .estimates import Estimates
 
-__all__ = ["coloured_load", "in_coloured_noise", "other_drive"]
+__all__ = ["coloured_load", "in_coloured_noise", "moved_by_weights", "other_drive"]
 
 UNEVEN = 0.05  # distance of the cumulated power of the lines from a straight line, which moves estimates
 STILL = 1e-3  # of the lowest frequency: growth of a pole that may as well be an integrator
 APART = 1.0  # standard errors that the fit in coloured noise is off where lines are uneven, at least
 MUCH = 40.0  # of BIC: of 180 white loads the most was 21, of accelerations in turbulence the least 140
+MOVED = 3.0  # standard errors of the fit in white noise: those that hold allow its weights no more
 MOST_PATHS = 4  # of inputs to outputs: joint fits in coloured noise of more take seconds
 
 
@@ -80,6 +81,32 @@ def other_drive(fit: Estimates) -> str:
     other, (low, high) = _weighted(driven), driven.band
     steady = other is not None and _steady(other)
     return f', or noise="coloured", band=({low:.4g}, {high:.4g})' if steady else ""
+
+
+@kept
+def moved_by_weights(fit: Estimates) -> str | None:
+    """That weights of the noise spectrum move an estimate further than its error allows, in words.
+
+    Where both fits are right, the better weighted one differs from the other by no more than that one's own
+    error (J. A. Hausman, Econometrica 46, 1978). Estimates that have followed slow noise leave white lines
+    and small errors, and no test of their residuals shows it.
+    """
+    plain = fit.layout.rational and fit.options.noise == "output" and fit.options.plain_noise
+    if not plain or fit.again is None or not fit.records:
+        return None
+    if len(fit.outputs) * len(fit.inputs) > MOST_PATHS:
+        return None
+    other = _weighted(fit)
+    if other is None or other.param_names != fit.param_names:
+        return None
+    before, after = bic_beside(fit, fit), bic_beside(other, fit)
+    name, now, was, far = furthest(other, fit)
+    if not (after < before - WORTH and far > MOVED):
+        return None
+    return (
+        f"on the same lines BIC falls from {before:.4g} to {after:.4g}, and {name} becomes {now} (was {was}, "
+        f"{far:.2g} standard errors away)"
+    )
 
 
 @kept

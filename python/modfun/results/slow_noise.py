@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._core import pooled_power
-from .coloured_load import in_coloured_noise
+from .coloured_load import in_coloured_noise, moved_by_weights
 from .cures import DRIFT, ENOUGH, again, likely_cure
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, noise_free
@@ -42,19 +42,25 @@ def slow_noise(fit: Estimates, warnings_of: Warned) -> Doubt | None:
     if not layout.rational and worth(fit):
         return None  # terms that it may lack are tried first where a regression says which are worth it
     d = diagnose(fit, UNLIKELY)
-    if (
-        noise_free(fit)
-        or not (d.colour_ratio > SLOW and d.colour.p_value < SURE and _falls(fit))
-        or origin(fit) == "process"
-    ):
+    if noise_free(fit):
+        return None
+    seen = d.colour_ratio > SLOW and d.colour.p_value < SURE and _falls(fit)
+    found = origin(fit)
+    moved = moved_by_weights(fit) if found in ("either", "coloured") else None
+    if not (seen or moved) or found == "process":
         return None
     drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"), near=True)
     if drift is None or not refuted(drift) or _structural(fit, drift):
         return None
-    found = _weighted(fit, warnings_of)
-    if found is None:
+    weighted = _weighted(fit, warnings_of)
+    if weighted is None:
         return None
-    other, words = found
+    other, words = weighted
+    if moved:
+        return Doubt(
+            f"The estimates seem to follow slow noise of {d.coloured}, for which their errors do not allow. "
+            f"First weight the lines by their spectrum, {words}: {moved}."
+        )
     gain = smaller_errors(fit, other)
     followed = min([d.correlation.p_value, *(one.p_value * len(d.further) for one in d.further)])
     sure = gain > PAYS or followed < SUREST or bool(fit.at_bound)
