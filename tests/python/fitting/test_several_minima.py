@@ -68,3 +68,12 @@ def test_a_start_near_the_truth_leads_there(seed):
     """It led to the other one in 4 of 4."""
     fit = mf.fit(tanks(seed), started({name: 1.1 * x for name, x in TRUE.items()}))
     assert distance(fit) < chdtri(3, ALARM)
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_held_input_that_nobody_declared_is_read_as_held(seed):
+    """Sums that ended in the other minimum preferred straight lines, and the fit said they were declared."""
+    rec = tanks(seed)
+    fit = mf.fit(mf.Record(y={"h2": rec["h2"]}, u={"u": rec["u"]}, dt=rec.dt), model())
+    assert fit.intersample == ("zoh",)
+    assert distance(fit) < chdtri(3, ALARM)
