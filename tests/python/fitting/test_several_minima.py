@@ -77,3 +77,9 @@ def test_a_held_input_that_nobody_declared_is_read_as_held(seed):
     fit = mf.fit(mf.Record(y={"h2": rec["h2"]}, u={"u": rec["u"]}, dt=rec.dt), model())
     assert fit.intersample == ("zoh",)
     assert distance(fit) < chdtri(3, ALARM)
+
+
+def test_bounds_on_which_all_parameters_stand_leave_enough_lines():
+    """The default band was chosen as if none were unknown then, and the fit refused: "5 equations for 6"."""
+    bounds = {name: mf.Free(x, min=0.8 * x, max=1.25 * x) for name, x in TRUE.items()}
+    assert mf.fit(tanks(1), model(**bounds)).usable
