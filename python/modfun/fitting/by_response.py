@@ -23,7 +23,7 @@ from ..errors import ModfunError
 from ..models.options import Options
 from ..records.functions import drives
 from ..records.record import Record
-from ..results.cures import again, amplified
+from ..results.cures import CLOSE, again, amplified
 from ..results.diagnosis import high_band_df, level_p
 from ..results.doubts import SURE
 from ..results.fit import Fit
@@ -45,6 +45,7 @@ MOVED = 0.5  # standard errors from sums next to a singular point: a response ne
 ENDLESS = 0.01  # of its value's effect in the noise: a parameter that went to where it changes nothing
 RTOL = 1e-8  # relative error of integrations
 WAYS = ("awls", "wls", "ls")  # of fits by sums, which noise biases or which weigh otherwise
+SAME = 0.01  # of twice the log likelihood: ends that differ by less are one
 ENDS = 3  # from which steps are made, the nearest to the records
 
 
@@ -56,6 +57,10 @@ def by_response(fit: Fit) -> Fit:
     where a logarithm or quotient of theirs has no value. Then steps of Levenberg and Marquardt
     lead from several fits to least squares of the response, and a fit by sums from there stands, unless it
     leaves more. A wrong model has no such answer: what leaves more than noise is refused.
+
+    Beside products there are several minima: 5 of 10 searches for two tanks, the upper level hidden, ended
+    where time constants are nearly exchanged, and fits by other sums led to the better one. Where a user's
+    start leads to one that is about as likely, it stands.
     """
     if not isinstance(fit, EquationFit) or not _is_asked(fit):
         return fit
@@ -88,9 +93,10 @@ def _found(fit: EquationFit) -> EquationFit:
     search = _Search(fit)
     here = search.at(fit.params) if fit.usable else None
     best = search.least(here) if here else None
-    if best is None or not search.level_p(best) > PLAUSIBLE:  # it may be one of several minima
-        found = [best, search.best_of([*_ends(fit)])]
-        best = min([one for one in found if one], key=lambda one: one.deviance, default=None)
+    found: list[_Point] = []  # minima
+    if best is None or amplified(fit) or not search.level_p(best) > PLAUSIBLE:  # it may be one of several
+        found = search.minima(best, _told_start(fit), [*_ends(fit)])
+        best = found[0] if found else None
     worth = float(chdtri(fit.params.size, PLAUSIBLE))  # of twice the log likelihood
     if best is None or not search.level_p(best) > SURE:
         return fit
@@ -105,7 +111,15 @@ def _found(fit: EquationFit) -> EquationFit:
         there = search.at(other.params)
         if there is not None and there.deviance < best.deviance + worth:
             return other  # type: ignore[no-any-return]
-    return search.told(best)
+    return search.told(best, found[1:])
+
+
+def _told_start(fit: EquationFit) -> F64 | None:
+    """Parameters with the starts that a user gave; None where there are none."""
+    told = fit.layout.formulas.words["starts"]
+    if all([start is None for start in told]):
+        return None
+    return np.array([x if start is None else start for x, start in zip(fit.params, told, strict=True)])
 
 
 def _ends(fit: EquationFit) -> Iterator[F64]:
@@ -231,11 +245,23 @@ class _Search:
             )
         return here if ended == "settled" and self._is_told(here) else None
 
-    def best_of(self, ends: Sequence[F64]) -> _Point | None:
-        """The least that steps lead to from the parameters nearest to the records."""
+    def minima(self, own: _Point | None, told: F64 | None, ends: Sequence[F64]) -> list[_Point]:
+        """Distinct ends of steps: the one to take, and others.
+
+        `own`: that of the fit, if it has one; `told`: where a user begins; from the `ends` nearest to the
+        records. Ends that leave the same to the response are those of other signs or names.
+        """
+        first = self.at(told) if told is not None else None
+        meant = self.least(first) if first else None
         tried = sorted([one for one in map(self.at, ends) if one], key=lambda one: one.deviance)
-        found = [end for end in map(self.least, tried[:ENDS]) if end]
-        return min(found, key=lambda one: one.deviance) if found else None
+        found: list[_Point] = []
+        for end in (meant, own, *map(self.least, tried[:ENDS])):
+            if end and all([abs(end.deviance - one.deviance) > SAME for one in found]):
+                found.append(end)
+        found.sort(key=lambda one: one.deviance)
+        if meant and meant.deviance < found[0].deviance + CLOSE:
+            found.sort(key=lambda one: one is not meant)
+        return found
 
     def _levels_of(self, here: _Point) -> list[F64]:
         pairs = zip(here.left, self.counts, self.records, strict=True)
@@ -287,8 +313,11 @@ class _Search:
     def _freedom(self, here: _Point) -> int:
         return max(self.count - here.x.size, 1)
 
-    def told(self, here: _Point) -> EquationFit:
-        """The fit with these parameters, and the errors and residuals of their response."""
+    def told(self, here: _Point, others: Sequence[_Point]) -> EquationFit:
+        """The fit with these parameters, and the errors and residuals of their response.
+
+        `others`: minima beside it, of which the likeliest is kept where it is about as likely.
+        """
         fit, freedom = self.fit, self._freedom(here)
         level = [own * np.sqrt(self.count / freedom) for own in self._levels_of(here)]
         steep = self._projected(here)
@@ -313,6 +342,7 @@ class _Search:
             unfolded=(),
             less=(),
             unsettled=False,
+            other_minimum=next((one.params for one in others if one.deviance < here.deviance + CLOSE), None),
             **of_response(fit, here.left, level, self.counts, freedom),
         )
 

@@ -20,7 +20,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.forms import agreed
 from ..records.record import Record
-from ..results.cures import bic_beside, on_band, realigned
+from ..results.cures import amplified, bic_beside, on_band, realigned
 from ..results.diagnosis import growth, measured_lines
 from ..results.estimates import Estimates
 from ..results.feedback import feedback
@@ -28,6 +28,7 @@ from ..results.fit import Fit
 from ..results.misfit import UNLIKELY, refuted, suspicious
 from ..results.refits import starts_beside
 from ..results.undeclared import POSITIVE
+from .by_response import by_response
 from .by_samples import lower_by_samples
 
 __all__ = [
@@ -241,6 +242,8 @@ def _asked(
             bar = POSITIVE
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
             gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
+        if gain > bar and any(map(amplified, fits)):  # sums with products have several minima, and are bent
+            gain = min(gain, _lower_by_response(fits, others))
         if motion and gain > bar:
             bar += sum(_out_of_time(fit, which.name) for fit in fits)
         why = OPEN if walk and abs(gain) < STRONG and _apart(fits, others) else BY_FIT
@@ -329,6 +332,16 @@ def _lower(fit: Fit, other: Fit) -> float:
         with np.errstate(all="ignore"):
             return lower_by_samples(fit, other)
     except (ModfunError, np.linalg.LinAlgError):  # the response of one runs away
+        return nan
+
+
+def _lower_by_response(fits: Sequence[Fit], others: Sequence[Fit | None]) -> float:
+    """By how much others lower BIC of the samples, each led on to the least squares of its response."""
+    pairs = zip(fits, others, strict=True)
+    try:
+        with np.errstate(all="ignore"):
+            return sum(lower_by_samples(by_response(a), by_response(b)) for a, b in pairs if b is not None)
+    except (ModfunError, np.linalg.LinAlgError):  # a response runs away
         return nan
 
 

@@ -74,7 +74,7 @@ from .stand_in import stand_in
 from .still_inputs import of_still_inputs
 from .stopped import too_many_poles
 from .swapped import swapped
-from .twins import other_signs, twin
+from .twins import other_minimum, other_signs, twin
 from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared, wandering
 from .uneven_noise import of_time
@@ -327,8 +327,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
     misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated, not_linear,
-    unexplained, one_cause, flips, other_signs, unsettled, unstable, condition, noise_mode, uncertain_poles,
-    wandering, twin,
+    unexplained, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition, noise_mode,
+    uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.

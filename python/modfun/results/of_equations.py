@@ -51,6 +51,8 @@ class EquationFit(Fit):
         standard deviation of the noise, over first ones. Beyond 0.5 the criterion says nothing of these.
     other_signs : (p,) array or None
         Parameters of which some are negative and which explain the records about as well; else None.
+    other_minimum : (p,) array or None
+        Parameters at another minimum of the response that is about as likely; else None.
     unnamed : tuple of Record
         The records where they have inputs that the equations do not name; else none.
     unfolded : tuple of Record
@@ -68,6 +70,7 @@ class EquationFit(Fit):
     seen: F64 = field(default_factory=lambda: np.empty((0, 0)))
     bend: float = 0.0
     other_signs: F64 | None = None
+    other_minimum: F64 | None = None
     unnamed: tuple[Record, ...] = ()
     unfolded: tuple[Record, ...] = ()
     less: tuple[F64, ...] = ()

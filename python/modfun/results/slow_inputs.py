@@ -48,8 +48,9 @@ def _held(fit: Estimates, channel: int) -> Doubt | None:
     if fallen is None:
         return None
     words = otherwise(rec, channel, "zoh").intersample
+    how = "read as" if rec.inputs[channel] in rec._seen else "declared"
     return Doubt(
-        f"{_seen(rec, channel)} and is declared {rec.intersample[channel]}. First give "
+        f"{_seen(rec, channel)} and is {how} {rec.intersample[channel]}. First give "
         f"{as_declared(fit, words)} in the record: {fallen}.",
         sure=True,
     )

@@ -12,7 +12,7 @@ from ..base.names import listed
 from .doubts import Doubt
 from .estimates import Estimates
 
-__all__ = ["other_signs", "twin"]
+__all__ = ["other_minimum", "other_signs", "twin"]
 
 EXCHANGED = 2.0  # standard errors between two sets of parameters with the same equations
 
@@ -65,6 +65,22 @@ def other_signs(fit: Estimates) -> Doubt | None:
         f"With {listed(names)} the model explains the record as well: other signs of parameters make nearly "
         "the same curve over the range of its signals. The estimates are those with the signs as written. If "
         f"you know these, say so, params={{{told}}}; else take a record that moves more or has less noise."
+    )
+
+
+def other_minimum(fit: Estimates) -> Doubt | None:
+    """That the response has another minimum, which is about as likely."""
+    other = getattr(fit, "other_minimum", None)  # of equations
+    if other is None:
+        return None
+    named = [*zip(fit.param_names, other.tolist(), strict=True)]
+    starts = ", ".join([f"{name!r}: mf.Free({x:.4g})" for name, x in named])
+    return Doubt(
+        f"With {listed([f'{name} = {x:.4g}' for name, x in named])} the response explains the record about "
+        "as well: its least squares have two minima, which BIC tells apart by less than strong evidence. If "
+        f"you know that the parameters are near those, begin there, params={{{starts}}}; else take a record "
+        "that moves more or has less noise.",
+        sure=False,
     )
 
 

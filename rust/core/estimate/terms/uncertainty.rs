@@ -304,7 +304,8 @@ impl TermsProblem<'_> {
         Worth { nonrobust: plain, hc3: robust, gram, degrees: vec![degrees as f64; p], spectral }
     }
 
-    /// Variances at unit noise of the columns on the lines up to `last` of each record; none where too few.
+    /// Variances at unit noise of the columns on the lines up to `last` of each record; none where too few, as
+    /// the fit counts them: with parameters at bounds, which may leave these, and without priors.
     pub fn variances_up_to(&self, last: &[usize], at_bound: &[bool]) -> Option<Vec<f64>> {
         let p = self.columns.len();
         let mut all: Vec<Vec<f64>> = vec![Vec::new(); p];
@@ -312,14 +313,14 @@ impl TermsProblem<'_> {
         for (spot, last) in self.spots.iter().zip(last) {
             spent += spot.projected(self.fitter.isa, spot.rows_up_to(*last), &mut all);
         }
+        if all.first().map_or(0, Vec::len) <= p + spent {
+            return None;
+        }
         let lines: usize = self.spots.iter().map(|s| s.rows.len()).sum();
         for (to, from) in all.iter_mut().zip(&self.columns) {
             to.extend_from_slice(&from[lines..]); // of priors
         }
         let free: Vec<usize> = (0..p).filter(|k| !at_bound[*k]).collect();
-        if all.first().map_or(0, Vec::len) <= free.len() + spent {
-            return None;
-        }
         let n = free.len();
         let inverse = inverse_factor(self.fitter.isa, &all, &free);
         let mut out = vec![0.0; p];
