@@ -33,6 +33,7 @@ from ..systems.making import named, ss
 from ..systems.polynomials import companion
 from . import gradients, prediction
 from .prediction import InitialState
+from .sample_levels import beside_samples, square_beside
 
 __all__ = ["COVARIANCES", "Estimates"]
 
@@ -315,18 +316,19 @@ class Estimates(Elsewhere):
         """Cost in units of the noise variance seen in the unused high band: about `df_resid` if all is well.
 
         With noise that was given, or seen for errors in variables: the cost in units of that noise. nan where
-        no level is available, or where the method does not weight by the noise.
+        no level is available, or where the method does not weight by the noise. Of uneven samples noise is
+        seen beside neighbours, and what the lines or the response leaves counts, whichever is less.
         """
         if self.options.method not in ("awls", "ml"):
             return float("nan")
         if isinstance(self.options.noise, Noise) or self.options.noise == "errors-in-variables":
             return self.df_resid * self.noise_scale
-        levels = self.high_band_levels
-        seen = [level * level for level in levels.tolist()]
+        if beside_samples(self):
+            return self.df_resid * square_beside(self)
+        seen = [level * level for level in self.high_band_levels.tolist()]
         if self.options.noise != "output" or not all([level > 0 for level in seen]):
             return float("nan")
-        ratios = [own / level for own, level in zip(self.noise_cov.diagonal().tolist(), seen, strict=True)]
-        return float(self.df_resid * (sum(ratios) / len(ratios)))
+        return float(self.df_resid * np.mean(self.noise_cov.diagonal() / np.array(seen)))
 
     @property
     def aic(self) -> float:
