@@ -40,6 +40,7 @@ FURTHEST = 0.05  # of the record
 ALIGNED = 0.1  # samples from whole ones, which are exact
 MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so much of the best one's worth
 MOVED = 11.0  # standard errors of the coefficient of a state that is missing: of slow noise they were below 9
+LONGEST = 256  # uneven samples: equations in coloured noise of a thousand take half a minute to fit
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -378,6 +379,9 @@ def again_at_all(
 ) -> Estimates | None:
     """The same, also without an answer; None where it is refused. `near`: begun at the estimates."""
     made: Any = fit.again
+    coloured = options.noise == "coloured" != fit.options.noise and not fit.layout.rational
+    if coloured and any([rec.dt is None and rec.t.size > LONGEST for rec in fit.records or ()]):
+        return None
     try:
         return made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)  # type: ignore[no-any-return]
     except ModfunError:  # too many unknowns for the band, say

@@ -254,11 +254,11 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         )
         return Doubt(text, sure=d.chi2_p < SURE)
     if slow:
-        first = "a further pole, select_order" if fit.layout.rational else "to see it, fit.plot_response()"
+        look = "try a further pole, select_order" if fit.layout.rational else "look at it, fit.plot_response()"
         text += (
             " What the response leaves of the samples moves as slowly as the model does: a pole, a term or an "
-            "input is missing, or samples are too far apart for sums. First try {first}."
-        ).format(first=first)
+            f"input is missing, or samples are too far apart for sums. First {look}."
+        )
         return Doubt(text)
     if sure_only:
         return None

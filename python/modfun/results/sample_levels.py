@@ -16,7 +16,9 @@ __all__ = ["beside_samples", "seen_noise", "slow_beside", "square_beside"]
 
 LEAST = 16  # samples that show a level
 LARGE = 3.0  # times the noise: residuals that leave doubt to no other cause than their being slow
-SLOW = 0.7  # of the power of residuals on the lines of the fit, at least; filtered noise goes on beyond them
+SLOW = 0.8  # of the power of residuals on twice the fit's lines, at least; filtered noise goes on beyond them
+FEWEST, MOST, LINES = 8, 4, 256  # lines that are looked at: so many at least, samples for each, and at most
+NEAR = 1.2  # times the noise: lines that leave no more than this need no look at the response
 CODED = 0.5  # of the samples have values of their own, at most: they are rounded to what the noise hides in
 
 
@@ -54,18 +56,36 @@ def square_beside(fit: Any) -> float:
     return float(np.mean((left / seen) ** 2))
 
 
+@kept
 def slow_beside(fit: Any) -> bool:
-    """Whether what a response leaves of uneven samples is far more than noise, and most of it in the band.
+    """Whether what a response leaves of uneven samples is far more than noise, and most of it near the band.
 
     Noise that was low-pass filtered above the band looks like a level that is too low, but goes on beyond.
     """
-    found = _seen(fit) if beside_samples(fit) else None
-    if found is None or not square_beside(fit) > LARGE**2:
+    if not beside_samples(fit) or not square_beside(fit) > LARGE**2:
         return False
-    seen, left = found
-    parts = [2 * (hi - lo + 1) / n for n, (lo, hi) in zip(fit.intervals, fit.lines, strict=True)]
-    within = np.sum((fit.noise_levels / seen) ** 2 * np.array(parts)[:, None])
-    return bool(within > SLOW * np.sum((left / seen) ** 2))
+    within = every = 0.0
+    for rec, omega0, (_, last) in zip(fit.records, fit.omega0, fit.lines, strict=True):
+        most, errors = rec.t.size // MOST, _errors(fit, rec)
+        if errors is None or last > most:
+            return False
+        lines = np.arange(1, min(max(2 * last, FEWEST), most, LINES) + 1)
+        angles = omega0 * np.outer(rec.t - rec.t[0], lines)
+        # Errors do not end as they begin.
+        columns = [np.ones((rec.t.size, 1)), angles[:, :1], np.cos(angles), np.sin(angles)]
+        q = np.linalg.qr(np.hstack(columns))[0]
+        scale = np.max(np.abs(errors), axis=1, keepdims=True)
+        within, every = within + np.sum((errors / scale @ q) ** 2), every + np.sum((errors / scale) ** 2)
+    return bool(within > SLOW * every)
+
+
+def _errors(fit: Any, rec: Record) -> F64 | None:
+    """What the response leaves of a record; None where it has no numbers."""
+    try:
+        errors: F64 = fit.errors(rec)
+    except ModfunError:
+        return None
+    return errors if np.isfinite(errors).all() else None
 
 
 def _compared(fit: Any, found: tuple[F64, F64]) -> tuple[F64, F64]:
@@ -79,21 +99,22 @@ def _seen(fit: Any) -> tuple[F64, F64] | None:
     """Levels of the noise and of what the fit's response leaves, (record, output); None where not told.
 
     The noise is that of the samples or of what is left of them, whichever shows less beside neighbours: kinks
-    and fast motion are in either more than the noise is.
+    and fast motion are in either more than the noise is. Lines that leave hardly more than the noise of the
+    samples need no simulation, which takes long for many samples: they stand for the response.
     """
-    seen, left = [], []
     with np.errstate(all="ignore"):
-        for rec in fit.records:
-            try:
-                errors = fit.errors(rec)
-            except ModfunError:
+        rows = [(beside_neighbours(rec.t, rec.y), _rounding(rec)) for rec in fit.records]
+        levels = np.array([np.maximum(*own) for own in rows])
+        if np.all(levels > 0) and not np.mean((fit.noise_levels / levels) ** 2) > NEAR**2:
+            return levels, fit.noise_levels
+        left = []
+        for k, rec in enumerate(fit.records):
+            errors = _errors(fit, rec)
+            if errors is None:
                 return None
-            if not np.isfinite(errors).all():
-                return None
-            both = beside_neighbours(rec.t, np.concatenate([rec.y, errors])).reshape(2, -1)
-            seen.append(np.maximum(both.min(axis=0), _rounding(rec)))
+            own = np.minimum(rows[k][0], beside_neighbours(rec.t, errors))
+            levels[k] = np.maximum(own, rows[k][1])
             left.append(clipped_level(errors))
-    levels = np.array(seen)
     return (levels, np.array(left)) if np.all(levels > 0) else None
 
 
