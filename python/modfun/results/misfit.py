@@ -254,10 +254,12 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         )
         return Doubt(text, sure=d.chi2_p < SURE)
     if slow:
-        look = "try a further pole, select_order" if fit.layout.rational else "look at it, fit.plot_response()"
+        look = (
+            "try a further pole, select_order" if fit.layout.rational else "look at it, fit.plot_response()"
+        )
         text += (
-            " What the response leaves of the samples moves as slowly as the model does: a pole, a term or an "
-            f"input is missing, or samples are too far apart for sums. First {look}."
+            " What the response leaves of the samples moves as slowly as the model does: a pole, a term or "
+            f"an input is missing, or samples are too far apart for sums. First {look}."
         )
         return Doubt(text)
     if sure_only:
@@ -337,9 +339,8 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
     found = []
     for i, y in enumerate(fit.outputs):
         if cure := missing_mode(fit, i):
-            text = (
-                f"{_above(fit, y)} First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
-            )
+            fallen = f"BIC falls from {cure.before:.4g} to {cure.after:.4g}"
+            text = f"{_above(fit, y)} First try {cure.words}: {fallen}."
             found.append((Doubt(text), cure.before - cure.after))
     return found
 

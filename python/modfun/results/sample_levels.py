@@ -16,14 +16,16 @@ __all__ = ["beside_samples", "seen_noise", "slow_beside", "square_beside"]
 
 LEAST = 16  # samples that show a level
 LARGE = 3.0  # times the noise: residuals that leave doubt to no other cause than their being slow
-SLOW = 0.8  # of the power of residuals on twice the fit's lines, at least; filtered noise goes on beyond them
+SLOW = 0.8  # of the power of residuals on 3/2 of the fit's lines; filtered noise goes on beyond them
+PART = 0.1  # of the scatter of an output
+TINY = float(np.finfo(float).tiny)
 FEWEST, MOST, LINES = 8, 4, 256  # lines that are looked at: so many at least, samples for each, and at most
 NEAR = 1.2  # times the noise: lines that leave no more than this need no look at the response
 CODED = 0.5  # of the samples have values of their own, at most: they are rounded to what the noise hides in
 
 
 def beside_samples(fit: Any) -> bool:
-    """Whether a fit is judged by noise seen beside neighbouring samples: records of uneven steps, unweighted."""
+    """Whether a fit is judged by noise seen beside neighbouring samples, of uneven steps and one weight."""
     records = fit.records or ()
     plain = fit.options.noise == "output" and fit.options.method in ("awls", "ml")
     if not plain or fit.process_levels is not None or not fit.usable:
@@ -34,7 +36,7 @@ def beside_samples(fit: Any) -> bool:
 
 
 def seen_noise(fit: Any) -> tuple[str, F64, F64]:
-    """Where noise is seen that a fit is judged by, in words; what it leaves of each output, and that noise."""
+    """Where noise is seen that a fit is judged by, in words; what is left of each output, and that noise."""
     found = _seen(fit) if beside_samples(fit) else None
     if found is None:
         return "of the unused high band", np.atleast_1d(fit.sigma), fit.high_band_levels
@@ -60,23 +62,25 @@ def square_beside(fit: Any) -> float:
 def slow_beside(fit: Any) -> bool:
     """Whether what a response leaves of uneven samples is far more than noise, and most of it near the band.
 
-    Noise that was low-pass filtered above the band looks like a level that is too low, but goes on beyond.
+    Noise that was low-pass filtered above the band looks like a level that is too low, but goes on beyond,
+    and is seldom a large part of an output.
     """
     if not beside_samples(fit) or not square_beside(fit) > LARGE**2:
         return False
-    within = every = 0.0
+    within = every = largest = 0.0
     for rec, omega0, (_, last) in zip(fit.records, fit.omega0, fit.lines, strict=True):
         most, errors = rec.t.size // MOST, _errors(fit, rec)
         if errors is None or last > most:
             return False
-        lines = np.arange(1, min(max(2 * last, FEWEST), most, LINES) + 1)
+        lines = np.arange(1, min(max(3 * last // 2, FEWEST), most, LINES) + 1)
         angles = omega0 * np.outer(rec.t - rec.t[0], lines)
         # Errors do not end as they begin.
         columns = [np.ones((rec.t.size, 1)), angles[:, :1], np.cos(angles), np.sin(angles)]
         q = np.linalg.qr(np.hstack(columns))[0]
         scale = np.max(np.abs(errors), axis=1, keepdims=True)
+        largest = max(largest, *(errors.std(axis=1) / np.maximum(rec.y.std(axis=1), TINY)))
         within, every = within + np.sum((errors / scale @ q) ** 2), every + np.sum((errors / scale) ** 2)
-    return bool(within > SLOW * every)
+    return bool(within > SLOW * every and largest > PART)
 
 
 def _errors(fit: Any, rec: Record) -> F64 | None:
