@@ -13,7 +13,7 @@ from ..base.tables import Table
 from ..signals.spectrum import Spectrum
 from .samples import Samples
 
-__all__ = ["high_band_level", "noise_table", "spectrum_of", "too_short"]
+__all__ = ["beside_neighbours", "clipped_level", "high_band_level", "noise_table", "spectrum_of", "too_short"]
 
 NEIGHBOURS = (2, 3)  # on each side of a sample; what is smaller holds less of a fast signal
 MEDIAN = 0.4549364231195727  # of chi-square with one degree of freedom
@@ -51,6 +51,11 @@ def spectrum_of(record: Samples) -> Spectrum:
     return Spectrum(frozen(omega), frozen(lines), names, units)
 
 
+def beside_neighbours(t: F64, rows: F64) -> F64:
+    """Noise levels of rows from what each sample is beside its neighbours."""
+    return np.asarray(np.min([_beside_neighbours(t, rows, count) for count in NEIGHBOURS], axis=0))
+
+
 def _beside_neighbours(t: F64, rows: F64, count: int) -> F64:
     """Noise levels from what each sample is beside the polynomial through as many neighbours on each side.
 
@@ -68,7 +73,12 @@ def _beside_neighbours(t: F64, rows: F64, count: int) -> F64:
     seen = np.lib.stride_tricks.sliding_window_view(rows, 2 * count + 1, axis=1)[:, some]
     around = np.delete(seen, count, axis=2)
     left = seen[:, :, count] - np.einsum("ij,kij->ki", weights, around)
-    squares = left**2 / (1 + np.sum(weights**2, axis=1))
+    return clipped_level(left / np.sqrt(1 + np.sum(weights**2, axis=1)))
+
+
+def clipped_level(rows: F64) -> F64:
+    """Root of the mean square of each row, with squares clipped beside their median."""
+    squares = rows**2
     most = LARGE * np.median(squares, axis=1, keepdims=True) / MEDIAN
     return np.asarray(np.sqrt(np.mean(np.minimum(squares, most), axis=1) / CLIPPED))
 
@@ -84,7 +94,7 @@ def noise_table(record: Samples, order: int) -> Table:
     order = whole("noise_level", "order", order, 1, 100)
     few = too_short(record.t.size, order) and record.t.size > 2 * max(NEIGHBOURS)
     if record.dt is None or few:
-        level = np.min([_beside_neighbours(record.t, both, count) for count in NEIGHBOURS], axis=0)
+        level = beside_neighbours(record.t, both)
     else:
         level = np.asarray(noise_level(both, order))
     rms = both.std(axis=1)

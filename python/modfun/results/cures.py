@@ -43,6 +43,7 @@ MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so
 MOVED = 11.0  # standard errors of the coefficient of a state that is missing: of slow noise they were below 9
 EACH = 1.0  # work of a fit, in looks that nobody asked for
 FIT, FORMULA = 0.02, 3e-3  # work of a fit beside its iterations: of any, and for each operation of formulas
+LONGEST = 256  # uneven samples: equations in coloured noise of a thousand take half a minute to fit
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -419,6 +420,9 @@ def again_at_all(
     Of looks that nobody asked for one that takes undue work is refused, too: a candidate whose response is
     stiff took as much as all others.
     """
+    coloured = options.noise == "coloured" != fit.options.noise and not fit.layout.rational
+    if coloured and any([rec.dt is None and rec.t.size > LONGEST for rec in fit.records or ()]):
+        return None
     if not Effort.limited():
         return _made(fit, records, structure, options, near, how)
     try:

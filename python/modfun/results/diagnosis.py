@@ -17,6 +17,7 @@ from ..systems.polynomials import roots_of
 from .estimates import Estimates
 from .further import Explained, further
 from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
+from .sample_levels import beside_samples
 
 __all__ = [
     "Diagnosis",
@@ -126,7 +127,9 @@ def level_p(fit: Estimates) -> float:
         level = np.sqrt(np.diag(fit.noise_cov))
         independent = rows**2 / float(np.sum((fit.noise_cov / np.outer(level, level)) ** 2))
         df *= independent / rows
-    return float(fdtrc(df, independent * high_band_df(fit), chi2 / fit.df_resid))
+    p = float(fdtrc(df, independent * high_band_df(fit), chi2 / fit.df_resid))
+    # A level beside neighbours holds motion between them, too: residuals below it say nothing.
+    return min(p, 0.5) if beside_samples(fit) else p
 
 
 def lower_p(fit: Estimates, other: Estimates, ratio: float) -> float:

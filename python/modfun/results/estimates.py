@@ -33,6 +33,7 @@ from ..systems.making import named, ss
 from ..systems.polynomials import companion
 from . import gradients, prediction
 from .prediction import InitialState
+from .sample_levels import beside_samples, square_beside
 
 __all__ = ["COVARIANCES", "Estimates"]
 
@@ -315,24 +316,23 @@ class Estimates(Elsewhere):
         """Cost in units of the noise variance seen in the unused high band: about `df_resid` if all is well.
 
         With noise that was given, or seen for errors in variables: the cost in units of that noise. nan where
-        no level is available, or where the method does not weight by the noise.
+        no level is available, or the method does not weight by it. Uneven samples show it beside neighbours.
         """
         if self.options.method not in ("awls", "ml"):
             return float("nan")
         if isinstance(self.options.noise, Noise) or self.options.noise == "errors-in-variables":
             return self.df_resid * self.noise_scale
+        if beside_samples(self):
+            return self.df_resid * square_beside(self)
         levels = self.high_band_levels
-        seen = [level * level for level in levels.tolist()]
-        if self.options.noise != "output" or not all([level > 0 for level in seen]):
+        if self.options.noise != "output" or not np.all(levels > 0):
             return float("nan")
-        ratios = [own / level for own, level in zip(self.noise_cov.diagonal().tolist(), seen, strict=True)]
-        return float(self.df_resid * (sum(ratios) / len(ratios)))
+        return float(self.df_resid * np.mean(self.noise_cov.diagonal() / levels**2))
 
     @property
     def aic(self) -> float:
         """Akaike information criterion: `bic` with 2 p for p log N; `mf.compare` puts models on one band."""
-        rows, p = self.df_resid + self.params.size, self.params.size
-        return float(self.bic + p * (2 - np.log(rows)))
+        return float(self.bic + self.params.size * (2 - np.log(self.df_resid + self.params.size)))
 
     @property
     def bic(self) -> float:

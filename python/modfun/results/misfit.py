@@ -32,6 +32,7 @@ from .line_tests import colour_of_lines, correlation_of_lines
 from .missing_modes import UNSPOKEN, like_gusts, linear_instead, missing_mode, tone_left
 from .next_structures import best_cure
 from .origin import either, gain_of_colour, gain_of_process, hum, origin, position
+from .sample_levels import seen_noise, slow_beside
 from .worth import worth
 
 __all__ = [
@@ -228,7 +229,8 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
 
     `alone`: nothing else explains them.
     """
-    if sure_only and not (alone and d.chi2_p < SURE):
+    slow = d.chi2_p < SURE and slow_beside(fit)
+    if sure_only and not (slow or (alone and d.chi2_p < SURE)):
         return None
     text = (
         f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
@@ -251,6 +253,15 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
             f"{other_drive(fit)}."
         )
         return Doubt(text, sure=d.chi2_p < SURE)
+    if slow:
+        look = (
+            "try a further pole, select_order" if fit.layout.rational else "look at it, fit.plot_response()"
+        )
+        text += (
+            " What the response leaves of the samples moves as slowly as the model does: a pole, a term or "
+            f"an input is missing, or samples are too far apart for sums. First {look}."
+        )
+        return Doubt(text)
     if sure_only:
         return None
     gain = gain_of_process(fit) if alone else None
@@ -311,7 +322,7 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
     if cure.words == DRIFT:
         text = f"The residuals of {y} follow {one.channel} ({chance}), and a slow drift explains that."
     if not spoken:
-        text = _above(y)
+        text = _above(fit, y)
     fallen = cure.before - cure.after
     settled = cure.level_p > UNLIKELY > SURE > level_p(fit) and (spoken or fallen > UNSPOKEN)
     text += f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
@@ -328,15 +339,14 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
     found = []
     for i, y in enumerate(fit.outputs):
         if cure := missing_mode(fit, i):
-            text = (
-                f"{_above(y)} First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
-            )
+            fallen = f"BIC falls from {cure.before:.4g} to {cure.after:.4g}"
+            text = f"{_above(fit, y)} First try {cure.words}: {fallen}."
             found.append((Doubt(text), cure.before - cure.after))
     return found
 
 
-def _above(y: str) -> str:
-    return f"The residuals of {y} are far above the noise of the high band."
+def _above(fit: Estimates, y: str) -> str:
+    return f"The residuals of {y} are far above the noise {seen_noise(fit)[0]}."
 
 
 def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Doubt, float]]:
@@ -480,7 +490,5 @@ def _reference(fit: Estimates) -> str:
         return "the noise that was given"
     if fit.options.noise == "errors-in-variables":
         return "the noise seen in the unused high band"
-    return (
-        f"the noise level of the unused high band ({numbers(fit.sigma)} against "
-        f"{numbers(fit.high_band_sigma)})"
-    )
+    seen, left, levels = seen_noise(fit)
+    return f"the noise level {seen} ({numbers(left)} against {numbers(levels)})"

@@ -25,6 +25,7 @@ from .fit import Fit
 from .gradients import differences
 from .initial_state import simulate_equations
 from .prediction import InitialState
+from .sample_levels import beside_samples, square_beside
 
 __all__ = ["EquationFit", "parts_with_values"]
 
@@ -245,6 +246,8 @@ class EquationFit(Fit):
         """Cost in units of the noise levels: about `df_resid` if all is well; nan without known levels."""
         if self.process_levels is not None:
             return float("nan")  # its levels are estimated from the same residuals
+        if beside_samples(self):
+            return self.df_resid * square_beside(self)
         weighted = self.options.method in ("awls", "ml") and self.options.noise != "equation"
         over = self.noise_scale * np.mean((self.levels / self.seen) ** 2)  # nothing but 1 where they agree
         return self.df_resid * float(over) if weighted else float("nan")

@@ -23,6 +23,7 @@ from .estimates import Estimates
 from .misfit import too_large, too_small
 from .priors import contradicted_priors, known_beforehand
 from .process_noise import in_words
+from .sample_levels import beside_samples, seen_noise
 from .starts import starts
 
 __all__ = ["Summary", "facts", "one_line", "parameters"]
@@ -247,6 +248,9 @@ def _noise(fit: Estimates) -> str:
         text += f", correlated up to {strongest:.2f}" + (
             " (weights as given)" if fit.options.output_weights is not None else ""
         )
+    if beside_samples(fit):
+        seen, _, levels = seen_noise(fit)
+        return f"{text}; {seen} {numbers(levels)}" if np.isfinite(fit.chi2) else text
     if fit.noise_scale == fit.noise_scale:
         return f"{text}, {np.sqrt(fit.noise_scale):.3g} times what was expected"
     if fit.options.noise == "coloured" or not np.all(np.isfinite(fit.high_band_levels)):
@@ -269,7 +273,7 @@ def _no_level(fit: Estimates) -> str:
     if any(rec.mask is not None or rec.sigma is not None for rec in fit.records):
         return "records with a mask or a sigma show no level in an unused band"
     if any(rec.dt is None for rec in fit.records):
-        return "uneven samples show no level in an unused band"
+        return "uneven samples show no level beside their neighbours"
     if any(too_short(rec.t.size, max(fit.layout.orders)) for rec in fit.records):
         return "so few samples leave no band that shows the noise"
     if not fit.layout.rational:
@@ -281,10 +285,11 @@ def _chi2(fit: Estimates) -> str:
     if np.isnan(fit.chi2) or not np.all(np.isfinite(fit.params)):
         return f"not available ({_no_level(fit)})"
     p = level_p(fit)
+    seen = "level beside neighbouring samples" if beside_samples(fit) else "high band's level"
     verdict = (
-        "residuals above the high band's level: model too simple, or filtered record"
+        f"residuals above the {seen}: model too simple, or filtered record"
         if too_large(p)
-        else "residuals below the high band's level"
+        else f"residuals below the {seen}"
         if fit.success and too_small(p, level_ratio(fit))
         else "as it should be"
     )
