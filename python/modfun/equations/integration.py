@@ -16,6 +16,7 @@ from ..systems.propagate import spline, too_steep
 __all__ = ["Function", "Signal", "integrate", "signal"]
 
 MOST = (200_000, 50)  # the core may take so many steps, and so many a sample
+ROUGH, FEWER = 1e-6, 20_000  # the relative error of searches, which take no more: many end at a singular point
 WIDTH, WIDEST = 1e-6, 1e-5  # of a switch, in sizes of the states
 
 
@@ -151,7 +152,7 @@ def integrate(
     absolute = np.full(len(starts), rtol * 1e-3)
     width = np.full(len(starts) if slides else 0, WIDTH)
     first = np.ascontiguousarray(starts.T)
-    most = MOST[0] + MOST[1] * grid.size
+    most = (FEWER if rtol >= ROUGH else MOST[0]) + MOST[1] * grid.size
     x = starts[:, :, None]
     for _ in range(3):
         own = np.hstack([theta.T, np.tile(width, (len(first), 1))])
