@@ -16,7 +16,10 @@ from ..systems.propagate import spline, too_steep
 __all__ = ["Function", "Signal", "integrate", "signal"]
 
 MOST = (200_000, 50)  # the core may take so many steps, and so many a sample
-ROUGH, FEWER = 1e-6, 20_000  # the relative error of searches, which take no more: many end at a singular point
+ROUGH, FEWER = (
+    1e-6,
+    20_000,
+)  # the relative error of searches, which take no more: many end at a singular point
 WIDTH, WIDEST = 1e-6, 1e-5  # of a switch, in sizes of the states
 
 

@@ -127,8 +127,7 @@ def _sizes(fit: EquationFit) -> Iterator[F64]:
     """Sizes that parameters may have, or their starts; then what signals are compared with is smaller."""
     words, found = fit.layout.formulas.words, sizes(fit.structure, fit.param_names, fit.records or ())
     inside = [k for k in compared(fit.layout.compiled) if words["starts"][k] is None]
-    for k, start in enumerate(words["starts"]):
-        low, high = words["bounds"][k]
+    for k, (start, (_, high)) in enumerate(zip(words["starts"], words["bounds"], strict=True)):
         found[k] = start if start is not None else -found[k] if high <= 0 else found[k]
     yield found
     if inside:
@@ -273,9 +272,7 @@ class _Search:
 
     def _levels_of(self, here: _Point) -> list[F64]:
         pairs = zip(here.left, self.counts, self.ys, strict=True)
-        return [
-            np.maximum(levels_of(left, counts), 1e-9 * np.max(np.abs(y))) for left, counts, y in pairs
-        ]
+        return [np.maximum(levels_of(left, counts), 1e-9 * np.max(np.abs(y))) for left, counts, y in pairs]
 
     def _within(self, x: F64) -> F64:
         p = self.low.size

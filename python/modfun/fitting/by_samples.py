@@ -121,12 +121,7 @@ def _is_few(fit: Any) -> bool:
         return False
     o, logs = fit.options, fit.options.noise == LOGS
     uneven = [rec for rec in fit.records or () if logs or rec.dt is None]
-    known = all(
-        [
-            rec.mask is None and not (logs and rec.sigma is not None) and "smooth" not in rec.intersample
-            for rec in uneven
-        ]
-    )
+    known = all([not (logs and rec.sigma is not None) and "smooth" not in rec.intersample for rec in uneven])
     plain = (o.robust, o.reference) == (False, ()) and o.initial_state in ("unknown", "zero", "rest")
     unstable = bool(fit.inputs) and growth(fit) > 0  # such as in a loop, which simulations leave
     return bool(uneven) and known and plain and not unstable and fewest_samples(fit) < FEW_SAMPLES

@@ -72,9 +72,10 @@ def fit_quietly(
 
 def _left_to_response(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
     """A fit that `by_response` goes on from: samples of a start at zero have no logarithms for sums."""
-    made = fit_with_past(records, structure, options.replace(noise="output"), fit_quietly)
+    made: Any = fit_with_past(records, structure, options.replace(noise="output"), fit_quietly)
     unseen = np.full_like(made.seen, nan)
-    return replace(made, options=options, status="maxiter", unsettled=True, seen=unseen, noise_scale=nan)
+    found: Fit = replace(made, options=options, status="maxiter", unsettled=True, seen=unseen, noise_scale=nan)
+    return found
 
 
 def fit_near(fit: Fit, options: Options, start: F64) -> Fit | None:
