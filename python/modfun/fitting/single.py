@@ -74,7 +74,9 @@ def _left_to_response(records: tuple[Record, ...], structure: Any, options: Opti
     """A fit that `by_response` goes on from: samples of a start at zero have no logarithms for sums."""
     made: Any = fit_with_past(records, structure, options.replace(noise="output"), fit_quietly)
     unseen = np.full_like(made.seen, nan)
-    found: Fit = replace(made, options=options, status="maxiter", unsettled=True, seen=unseen, noise_scale=nan)
+    found: Fit = replace(
+        made, options=options, status="maxiter", unsettled=True, seen=unseen, noise_scale=nan
+    )
     return found
 
 
