@@ -17,6 +17,8 @@ from ..systems.propagate import spline, too_steep
 __all__ = ["Function", "Signal", "integrate", "signal"]
 
 MOST = (200_000, 50)  # the core may take so many steps, and so many a sample
+ROUGH = 1e-6  # relative error of searches, of which many end beside a singular point
+FEWER = 20_000  # steps that these take at most, beside those of the samples
 FEW_STEPS = (100, 1, 4)  # the same where work is counted, and times as many where these are too few
 STEP, OWN = 1e-7, 15  # work of an operation in a step, and operations that any step takes
 WIDTH, WIDEST = 1e-6, 1e-5  # of a switch, in sizes of the states
@@ -154,7 +156,7 @@ def integrate(
     absolute = np.full(len(starts), rtol * 1e-3)
     width = np.full(len(starts) if slides else 0, WIDTH)
     first = np.ascontiguousarray(starts.T)
-    most = MOST[0] + MOST[1] * grid.size
+    most = (FEWER if rtol >= ROUGH else MOST[0]) + MOST[1] * grid.size
     x = starts[:, :, None]
     for _ in range(3):
         own = np.hstack([theta.T, np.tile(width, (len(first), 1))])

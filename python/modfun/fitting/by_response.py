@@ -30,8 +30,9 @@ from ..results.fit import Fit
 from ..results.initial_state import find_state
 from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit, parts_with_values
-from .by_samples import deviance, levels_of, of_response, weights_of
+from .by_samples import LOGS, deviance, levels_of, of_response, weights_of
 from .near_singular import near_singular
+from .restarts import SMALLER, compared
 from .scales import sizes
 
 __all__ = ["by_response"]
@@ -46,6 +47,7 @@ ENDLESS = 0.01  # of its value's effect in the noise: a parameter that went to w
 RTOL = 1e-8  # relative error of integrations
 WAYS = ("awls", "wls", "ls")  # of fits by sums, which noise biases or which weigh otherwise
 SAME = 0.01  # of twice the log likelihood: ends that differ by less are one
+SMALLEST = 1e-3  # of the largest sample: errors of samples about 0, for the first initial state
 ENDS = 3  # from which steps are made, the nearest to the records
 
 
@@ -73,13 +75,15 @@ def by_response(fit: Fit) -> Fit:
 
 def _is_asked(fit: EquationFit) -> bool:
     options, words = fit.options, fit.layout.formulas.words
-    plain = options.noise == "output" and options.method in ("ml", "awls") and options.output_weights is None
-    plain = plain and options.initial_state == "unknown" and not (options.robust or fit.layout.priors)
+    few = fit.unsettled  # where sums over few samples err, as `by_samples` tells
+    plain = options.noise in ("output", *[LOGS] * few) and options.method in ("ml", "awls")
+    plain = plain and options.output_weights is None and not (options.robust or fit.layout.priors)
+    plain = plain and options.initial_state in ("unknown", *["zero"] * few)
     if not plain or fit.structure.linear or not fit.records or not fit.params.size or fit.again is None:
         return False
     if any([late is not None for _, _, late in words["signals"]]):
         return False
-    return not fit.success or level_p(fit) < UNLIKELY or _is_biased(fit)
+    return not fit.success or few or level_p(fit) < UNLIKELY or _is_biased(fit)
 
 
 def _is_biased(fit: EquationFit) -> bool:
@@ -91,9 +95,12 @@ def _found(fit: EquationFit) -> EquationFit:
     from scipy.special import chdtri
 
     search = _Search(fit)
+    if fit.unsettled:  # steps from its estimates have led nowhere, and no other sums are better
+        found = search.minima(None, None, [*_sizes(fit)])
+        return search.told(found[0], found[1:]) if found else fit
     here = search.at(fit.params) if fit.usable else None
     best = search.least(here) if here else None
-    found: list[_Point] = []  # minima
+    found = []
     if best is None or amplified(fit) or not search.level_p(best) > PLAUSIBLE:  # it may be one of several
         found = search.minima(best, _told_start(fit), [*_ends(fit)])
         best = found[0] if found else None
@@ -135,6 +142,19 @@ def _ends(fit: EquationFit) -> Iterator[F64]:
     yield sizes(fit.structure, fit.param_names, fit.records)
 
 
+def _sizes(fit: EquationFit) -> Iterator[F64]:
+    """Sizes that parameters may have, or their starts; then what signals are compared with is smaller."""
+    words, found = fit.layout.formulas.words, sizes(fit.structure, fit.param_names, fit.records or ())
+    inside = [k for k in compared(fit.layout.compiled) if words["starts"][k] is None]
+    for k, (start, (_, high)) in enumerate(zip(words["starts"], words["bounds"], strict=True)):
+        found[k] = start if start is not None else -found[k] if high <= 0 else found[k]
+    yield found
+    if inside:
+        found = found.copy()
+        found[inside] /= SMALLER
+        yield found
+
+
 @dataclass(frozen=True, eq=False)
 class _Point:
     """Unknowns, and the residuals that they leave with the slopes of these, both over levels of the noise."""
@@ -166,10 +186,15 @@ class _Search:
             self.wider = with_trend(self.compiled, self.terms)
         low, high = np.array(fit.layout.formulas.words["bounds"], dtype=float).T
         self.low, self.high = low, high
+        self.zero, self.logs = fit.options.initial_state == "zero", fit.options.noise == LOGS
         self.own = [weights_of(fit, rec) for rec in self.records]
+        if self.logs and self.zero:  # the response is 0 where it begins, and its logarithm is none
+            for own in self.own:
+                own[:, 0] = 0.0
+        self.ys = [self._as_told(rec.y, own) for rec, own in zip(self.records, self.own, strict=True)]
         self.counts = [np.count_nonzero(own, axis=1) for own in self.own]
         self.count = sum([int(counts.sum()) for counts in self.counts])
-        self.levels = [rec.y.std(axis=1) for rec in self.records]
+        self.levels = [y.std(axis=1) for y in self.ys]
         self.sizes: F64 = np.empty(0)
 
     def at(self, params: F64) -> _Point | None:
@@ -179,31 +204,44 @@ class _Search:
         try:
             model = model_of(self.compiled, params, self.fit.structure)
             for rec in self.records:
-                _, start = find_state(model, rec, self.fit.trend)
-                x += [start.trend, start.state]
+                state = np.zeros(len(model.states)) if self.zero else None
+                _, start = find_state(model, self._beside(rec), self.fit.trend, state)
+                found = (start.trend, start.state[: 0 if self.zero else None])
+                x += found
                 scale = float(np.max(np.abs(rec.y)))
-                sizes += [np.maximum(np.abs(own), 1e-3 * scale) for own in (start.trend, start.state)]
+                sizes += [np.maximum(np.abs(own), 1e-3 * scale) for own in found]
         except ModfunError:
             return None
         self.sizes = np.concatenate(sizes)
         return self._point(np.concatenate(x))
+
+    def _beside(self, rec: Record) -> Record:
+        """The record whose least squares lie beside those of logarithms."""
+        return rec._like(sigma=np.maximum(rec.y, SMALLEST * np.max(rec.y))) if self.logs else rec
+
+    def _as_told(self, y: F64, own: F64) -> F64:
+        """Samples or responses as the noise is of them, where they count; nan without a logarithm."""
+        return np.log(np.where(own > 0, y, 1.0)) if self.logs else y
 
     def _point(self, x: F64) -> _Point | None:
         p = self.fit.params.size
         residual, rows, left, place, lack = [], [], [], p, 0.0
         steps = STEP * self.sizes
         try:
-            for rec, own, counts, level in zip(self.records, self.own, self.counts, self.levels, strict=True):
+            every = zip(self.records, self.ys, self.own, self.counts, self.levels, strict=True)
+            for rec, told, own, counts, level in every:
                 model = model_of(self.wider, np.append(x[:p], np.zeros(self._trends)), self.fit.structure)
-                n = len(model.states)
+                n = 0 if self.zero else len(model.states)
                 mine = np.arange(place, place + self._trends + n)
                 place = int(mine[-1]) + 1 if mine.size else place
                 at = np.append(np.arange(p), mine)
                 moved = x[at][:, None] + np.hstack([np.zeros((at.size, 1)), np.diag(steps[at])])
+                starts = moved[at.size - n :] if n else np.zeros((len(model.states), moved.shape[1]))
                 y, _ = model.family(
-                    drives(rec, 0.0), rec.t, np.ascontiguousarray(moved[at.size - n :]), rec.intersample,
+                    drives(rec, 0.0), rec.t, np.ascontiguousarray(starts), rec.intersample,
                     RTOL, None, np.ascontiguousarray(moved[: at.size - n]),
                 )  # fmt: skip
+                y = self._as_told(y, own[:, None])
                 weights = own / level[:, None]
                 slopes = np.zeros((x.size, rec.y.size))
                 slopes[at] = (
@@ -211,7 +249,7 @@ class _Search:
                     .transpose(1, 0, 2)
                     .reshape(at.size, -1)
                 )
-                left.append(own * (rec.y - y[:, 0]))
+                left.append(own * (told - y[:, 0]))
                 residual.append((left[-1] / level[:, None]).ravel())
                 rows.append(slopes.T)
                 lack += deviance(left[-1], counts)
@@ -264,10 +302,8 @@ class _Search:
         return found
 
     def _levels_of(self, here: _Point) -> list[F64]:
-        pairs = zip(here.left, self.counts, self.records, strict=True)
-        return [
-            np.maximum(levels_of(left, counts), 1e-9 * np.max(np.abs(rec.y))) for left, counts, rec in pairs
-        ]
+        pairs = zip(here.left, self.counts, self.ys, strict=True)
+        return [np.maximum(levels_of(left, counts), 1e-9 * np.max(np.abs(y))) for left, counts, y in pairs]
 
     def _within(self, x: F64) -> F64:
         p = self.low.size

@@ -96,7 +96,9 @@ def by_samples(fit: AnyFit) -> AnyFit:
     if not white or not fit.usable:
         return fit
     if measured_lines(fit):
-        return _at_few(fit) if _coarse(fit) else fit
+        if not _is_few(fit):
+            return fit
+        return _at_few(fit) if fit.success and not fit.at_bound else replace(fit, unsettled=True)
     return fit if options.noise == LOGS or growth(fit) > 0 else _led(fit, HALVED)
 
 
@@ -108,23 +110,18 @@ def _led(fit: AnyFit, halved: int) -> AnyFit:
         return fit
 
 
-def _coarse(fit: Any) -> bool:
+def _is_few(fit: Any) -> bool:
     """Whether lines of equations have few samples a period at uneven times, between which all is known.
 
     Transfer functions are told what their sums have too much, and so are equations under held inputs, but
     rounds of that lead nowhere from so few samples. Where noise goes with the level sums at even times err,
     too: weights of low samples are many times those of others.
     """
-    if fit.layout.rational or not fit.success or fit.at_bound or not fit.params.size:
+    if fit.layout.rational or not fit.params.size:
         return False
     o, logs = fit.options, fit.options.noise == LOGS
     uneven = [rec for rec in fit.records or () if logs or rec.dt is None]
-    known = all(
-        [
-            rec.mask is None and not (logs and rec.sigma is not None) and "smooth" not in rec.intersample
-            for rec in uneven
-        ]
-    )
+    known = all([not (logs and rec.sigma is not None) and "smooth" not in rec.intersample for rec in uneven])
     plain = (o.robust, o.reference) == (False, ()) and o.initial_state in ("unknown", "zero", "rest")
     unstable = bool(fit.inputs) and growth(fit) > 0  # such as in a loop, which simulations leave
     return bool(uneven) and known and plain and not unstable and fewest_samples(fit) < FEW_SAMPLES
@@ -145,7 +142,7 @@ def _at_few(fit: AnyFit) -> AnyFit:
             led = _led(begun, FAR)
             found = fit if led is begun else led
     if found is fit or not found.success:
-        return replace(fit, unsettled=True) if fit.layout.compiled.is_linear else fit
+        return replace(fit, unsettled=True)
     error = np.sqrt(fit.cov_nonrobust.diagonal())
     if sparse(replace(found, noise_cov=fit.noise_cov)) is not None:  # the lines are quieter: another model
         return fit

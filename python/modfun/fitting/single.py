@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import nan
 from typing import Any
 
+import numpy as np
+
 from ..base.arrays import F64
+from ..equations.equation import Equation
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.fit import Fit
 from ..results.stability import refuse_stable
 from .by_response import by_response
-from .by_samples import by_samples
+from .by_samples import LOGS, by_samples
 from .instruments import referenced_fit, refuse_reference
 from .known_inputs import equations_closely, fit_known_inputs, held_closely, refuse_uneven
 from .of_equations import fit_equation
@@ -47,6 +51,8 @@ def fit_quietly(
     if options.reference:
         return referenced_fit(records, structure, options, fit_quietly)
     if not (options.initial_state == "unknown" or counts_start(structure, options, records)):
+        if isinstance(structure, Equation) and (options.noise, options.initial_state) == (LOGS, "zero"):
+            return _left_to_response(records, structure, options)
         fit: Fit = fit_with_past(records, structure, options, fit_quietly)
         return fit if isinstance(structure, TransferFunction) else by_samples(fit)
     if not isinstance(structure, TransferFunction):
@@ -64,6 +70,16 @@ def fit_quietly(
     if any([rec.dt is None for rec in records]):
         return without_excess(fit, lambda moved, lines: fit_plain(moved, structure, lines, fit_quietly))
     return held_closely(fit, fit_quietly)
+
+
+def _left_to_response(records: tuple[Record, ...], structure: Any, options: Options) -> Fit:
+    """A fit that `by_response` goes on from: samples of a start at zero have no logarithms for sums."""
+    made: Any = fit_with_past(records, structure, options.replace(noise="output"), fit_quietly)
+    unseen = np.full_like(made.seen, nan)
+    found: Fit = replace(
+        made, options=options, status="maxiter", unsettled=True, seen=unseen, noise_scale=nan
+    )
+    return found
 
 
 def fit_near(fit: Fit, options: Options, start: F64) -> Fit | None:

@@ -53,5 +53,6 @@ def test_what_does_not_settle_says_so(monkeypatch):
     from modfun.fitting import by_samples
 
     monkeypatch.setattr(by_samples._Descent, "ended", lambda self: self.fit)
+    monkeypatch.setattr("modfun.fitting.fit.by_response", lambda fit: fit)
     with pytest.warns(mf.ModfunWarning, match="Sums over the samples err"):
         mf.fit(decay("blood", 1), BOLUS, noise="log-normal")
