@@ -68,22 +68,6 @@ impl Window {
         Ok(Window { lead, intervals, resolved, omega0 })
     }
 
-    /// For samples of outputs with such variances, of which infinite ones count for nothing: where most are, those
-    /// that are left tell what is resolved, as on a grid that samples were put on.
-    pub(crate) fn resolved_by(mut self, variances: &[Vec<f64>]) -> Window {
-        let step = |v: &Vec<f64>| {
-            let own = v.iter().enumerate().skip(self.lead).filter(|(_, v)| v.is_finite());
-            let left: Vec<usize> = own.map(|(k, _)| k).collect();
-            let mut steps: Vec<usize> = left.windows(2).map(|pair| pair[1] - pair[0]).collect();
-            steps.sort_unstable();
-            steps.get(steps.len() / 2).copied()
-        };
-        if let Some(step) = variances.iter().filter_map(step).min() {
-            self.resolved = (self.resolved / step).max(8);
-        }
-        self
-    }
-
     /// Intervals, and as many as samples resolve.
     pub(crate) fn both(&self) -> (usize, usize) {
         (self.intervals, self.resolved)

@@ -251,8 +251,7 @@ impl JointFitter {
             let channels: Vec<(Kind, f64)> = std::iter::repeat_n((Kind::Rule(rule), 0.0), outputs)
                 .chain(kinds.iter().zip(&s.paths).map(|(kind, p)| (*kind, start(p.delay))))
                 .collect();
-            let window = Window::new(*samples, *time, s.longest_delay())?
-                .resolved_by(variances.get(k).map_or(&[], Vec::as_slice));
+            let window = Window::new(*samples, *time, s.longest_delay())?;
             let each = unknowns.div_ceil(outputs);
             let (mut wide, narrow) = default_lines(o.method, each, order, window.both(), doublings);
             if o.driven {
