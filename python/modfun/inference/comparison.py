@@ -18,6 +18,7 @@ from ..fitting.undeclared import fit_as_read
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..results.cures import again, bic_beside, on_band
+from ..results.estimates import Estimates
 from ..results.fit import Fit
 from ..results.prediction import simulate_system
 from ..results.scores import UNITS, of_response
@@ -29,21 +30,23 @@ __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 
 BOUNDLESS = ("overflows", "leaves all bounds")  # what simulations of unstable models say
 SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
+CRITERIA, UNKNOWN = ("aic", "bic"), (float("nan"), float("nan"))
 
 
 @public
 class Comparison(Table):
     """Scores of several models on one record, one row per model and output; see `compare`.
 
-    Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, bic: of
-    each model fitted again over the widest band of all of them. A model's own BIC counts the lines of its
-    own band, and does not compare; one whose delay starts the window late counts by what it gains over that
-    window on the model of the longest. `bic` is nan in every row where the fits are not of the same records
-    and outputs, differ in `noise` or `output_weights`, or one was loaded without its records; and in the row
-    of a model that cannot be fitted over that band, beside which the other cannot be fitted over its window,
-    or which has no parameters: a linear system was not fitted to this record, so that no criterion of fits
-    holds for it. The scores of a model too unstable to be simulated over
-    the record are nan; `title` names it.
+    Columns: model, parameters (their number), output, signal_to_error (dB), fit_percent, r2, theil, aic and
+    bic: of each model fitted again over the widest band of all of them. A model's own criteria count the
+    lines of its own band, and do not compare; one whose delay starts the window late counts by what it gains
+    over that window on the model of the longest. Of nested models the differences of ``aic - 2 *
+    parameters`` are -2 log likelihood ratios. `aic` and `bic` are nan in every row where the fits are not of
+    the same records and outputs, differ in `noise` or `output_weights`, or one was loaded without its
+    records; and in the row of a model that cannot be fitted over that band, beside which the other cannot be
+    fitted over its window, or which has no parameters: a linear system was not fitted to this record, so
+    that no criterion of fits holds for it. The scores of a model too unstable to be simulated over the
+    record are nan; `title` names it.
 
     Parameters
     ----------
@@ -79,9 +82,9 @@ class Comparison(Table):
 
     def __init__(self, fits: dict[str, Fit | LTI], record: Record) -> None:
         columns: dict[str, list[Any]] = {"model": [], "parameters": [], "output": []}
-        columns |= {score: [] for score in (*SCORES, "bic")}
+        columns |= {score: [] for score in (*SCORES, *CRITERIA)}
         fitted = _fitted(fits)
-        bics = dict(zip(fitted, _bics(list(fitted.values())), strict=True))
+        criteria = dict(zip(fitted, _criteria(list(fitted.values())), strict=True))
         left = list[str]()
         for name, model in fits.items():
             rows = _scores(name, fits, record)
@@ -94,7 +97,8 @@ class Comparison(Table):
                 columns["output"].append(row["output"])
                 for score in SCORES:
                     columns[score].append(row.get(score, np.nan))
-                columns["bic"].append(bics.get(name, np.nan))
+                for criterion, value in zip(CRITERIA, criteria.get(name, UNKNOWN), strict=True):
+                    columns[criterion].append(value)
         span = f"over {record.duration:g} s"
         title = f"Too unstable to be simulated {span}: {', '.join(map(repr, left))}." if left else None
         super().__init__(columns, title, units=UNITS)
@@ -158,21 +162,25 @@ def _beside(name: str, models: Mapping[str, Fit | LTI], record: Record) -> tuple
     return rec, simulate_system(system, trend, rec)
 
 
-def _bics(fits: list[Fit]) -> list[float]:
-    """BIC of each model over the widest band of all, as if all had as many equations."""
+def _criteria(fits: list[Fit]) -> list[tuple[float, float]]:
+    """AIC and BIC of each model over the widest band of all, as if all had as many equations."""
     if not fits:
         return []
     first, alike = fits[0], {(fit.options.noise, fit.options.output_weights, fit.outputs) for fit in fits}
     if len(alike) > 1 or any(fit.again is None or fit.records != first.records for fit in fits):
-        return [float("nan")] * len(fits)
+        return [UNKNOWN] * len(fits)
     band = min(fit.band[0] for fit in fits), max(fit.band[1] for fit in fits)
     found = [again(fit, fit.records or (), fit.structure, on_band(fit, band)) for fit in fits]
     # Beside the longest windows: what has a delay is compared over its own, which starts late, and does not
     # compare where the other has no answer there.
     usable = [fit for fit in found if fit is not None]
     base = max(usable, key=lambda fit: sum(fit.intervals), default=None)
-    each = [float("inf") if fit is None or base is None else bic_beside(fit, base) for fit in found]
-    return [bic if np.isfinite(bic) else float("nan") for bic in each]
+    return [UNKNOWN if fit is None or base is None else _beside_base(fit, base) for fit in found]
+
+
+def _beside_base(fit: Estimates, base: Estimates) -> tuple[float, float]:
+    bic, rows, p = bic_beside(fit, base), base.df_resid + base.params.size, fit.params.size
+    return (float(bic + p * (2 - np.log(rows))), bic) if np.isfinite(bic) else UNKNOWN
 
 
 @public
@@ -248,7 +256,8 @@ def compare(models: Mapping[str, Fit | LTI] | Sequence[Fit | LTI], rec: Record |
     Returns
     -------
     Comparison
-        A Table with `.plot()`. Its column `bic` is nan where BIC does not compare; see `Comparison`.
+        A Table with `.plot()`. Its columns `aic` and `bic` are nan where they do not compare; see
+        `Comparison`.
 
     Raises
     ------

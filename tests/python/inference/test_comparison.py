@@ -72,6 +72,20 @@ def test_the_criteria_of_a_fit_name_the_comparison(fits):
         wide = mf.fit(record(0), TF1, band=two.band[1] * (1 + 1e-9))
     assert mf.compare(fits)["bic"][0] == pytest.approx(wide.bic, rel=1e-9)
     assert wide.bic < one.bic - 5  # more lines, and no better fit
+    assert mf.compare(fits)["aic"][0] == pytest.approx(wide.aic, rel=1e-9)
+
+
+def test_criteria_of_nested_models_are_likelihood_ratios():
+    """A zero that is not there: of 60 ratios 3 lie beyond the 5 % limit, more than 9 in 1 of 1,000 trials."""
+    ratios = []
+    for seed in range(60):
+        rec = record(seed)
+        table = mf.compare([mf.fit(rec, TF2), mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))])
+        smaller, larger = table["aic"] - 2 * table["parameters"]
+        ratios.append(smaller - larger)
+    assert min(ratios) > -0.01
+    assert sum(ratio > 3.84 for ratio in ratios) <= 9
+    assert 0.5 < np.mean(ratios) < 1.6  # 1 ± 0.18
 
 
 def test_a_linear_system_stands_beside_fits(fits):
