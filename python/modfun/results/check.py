@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from .coloured_load import coloured_load
 from .cures import DRIFT, ENOUGH, again, convincing, furthest
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
-from .diagnosis import diagnose, growth, level_p
+from .diagnosis import diagnose, growth, level_p, level_ratio
 from .doubts import (
     SURE,
     Doubt,
@@ -57,7 +58,7 @@ from .known_start import contradicted_p, gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
-from .misfit import UNLIKELY, bends_in_loop, misfit, of_colour, of_drift, of_residuals, of_tone
+from .misfit import UNLIKELY, bends_in_loop, misfit, of_colour, of_drift, of_residuals, of_tone, reference
 from .multiplied import misweighted, multiplied
 from .next_structures import best_cure
 from .noise_modes import noise_mode
@@ -91,6 +92,7 @@ STANDS = (
     "noise does and about as slowly as the system answers; keep it"
 )
 UNASKED, MOMENT = 8.0, 0.5  # work of the looks that a fit is made with, and of those while a line is printed
+SHARE = 3.0  # of the former, of one look; the one at what is left has all that there is
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -364,12 +366,23 @@ def _first(
             return []
         for look in looks:
             try:
-                doubt = _looked(look, fit, whole)
+                with Effort(SHARE) if ended and look is not unexplained else nullcontext():
+                    doubt = _looked(look, fit, whole)
             except ended:
-                continue
+                doubt = _above_noise(fit) if look is unexplained else None
             if doubt and doubt.sure:
                 return [f"fit: {doubt.text}"]
     return []
+
+
+def _above_noise(fit: Estimates) -> Doubt | None:
+    """That residuals are beyond doubt more than noise, where to look for the cause takes long."""
+    if not level_p(fit) < SURE:
+        return None
+    return Doubt(
+        f"The residuals are {level_ratio(fit):.3g} times {reference(fit)}: a part of the response, a term or "
+        "an input is missing. To look for it takes longer than the fit did; fit.check() does."
+    )
 
 
 def _looked(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Estimates) -> Doubt | None:

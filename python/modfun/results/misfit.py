@@ -45,6 +45,7 @@ __all__ = [
     "of_drift",
     "of_residuals",
     "of_tone",
+    "reference",
     "refuted",
     "suspicious",
     "too_large",
@@ -161,7 +162,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
     elif fit.success and too_small(d.chi2_p, d.level_ratio) and not crowded(fit):
         found.append(
             Doubt(
-                f"The residuals are only {d.level_ratio:.3g} of {_reference(fit)}: the noise is stronger at "
+                f"The residuals are only {d.level_ratio:.3g} of {reference(fit)}: the noise is stronger at "
                 "high frequency, or there is signal there.",
                 sure=False,
             )
@@ -233,7 +234,7 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
     if sure_only and not (slow or (alone and d.chi2_p < SURE)):
         return None
     text = (
-        f"The residuals are {d.level_ratio:.3g} times {_reference(fit)}: chi-square {fit.chi2:.4g} for "
+        f"The residuals are {d.level_ratio:.3g} times {reference(fit)}: chi-square {fit.chi2:.4g} for "
         f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
     )
     if alone and not hum(fit) and (tone := tone_left(fit, wide=True)):
@@ -380,7 +381,7 @@ def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Dou
 def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
     """What is missing in words, and by how much it lowers BIC."""
     ratio = level_ratio(fit)
-    level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {_reference(fit)}"
+    level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {reference(fit)}"
     fallen = f"BIC falls from {cure.before:.4g} to {cure.after:.4g}"
     if cure.words == DRIFT and not cure.level_p > ENOUGH and _drift_leaves_more(fit):
         text = (
@@ -405,14 +406,14 @@ def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
     cause = "One cause, such as a gust," if "ProcessNoise" in cure.words else "Turbulence or load"
     if event_p(fit) < UNLIKELY:  # gusts have no place in time
         text = (
-            f"The residuals are {d.level_ratio:.3g} times {_reference(fit)} (p = {d.chi2_p:.2g}), most of "
+            f"The residuals are {d.level_ratio:.3g} times {reference(fit)} (p = {d.chi2_p:.2g}), most of "
             "them at one time: an input that is not in the record seems to act, such as a rudder or a flap. "
             "First look when it does, fit.plot_response(), and add that input to the record; otherwise "
             f"{cure.words}, with which BIC falls from {cure.before:.4g} to {cure.after:.4g}."
         )
         return Doubt(text), cure.before - cure.after
     text = (
-        f"The residuals are {d.level_ratio:.3g} times {_reference(fit)} (p = {d.chi2_p:.2g}), and their "
+        f"The residuals are {d.level_ratio:.3g} times {reference(fit)} (p = {d.chi2_p:.2g}), and their "
         f"spectra are no sensor's. {cause} {DRIVES}, and standard errors are too small; an input that is not "
         f"in the record, or a missing term, looks alike. First try {cure.words}: BIC falls from "
         f"{cure.before:.4g} to {cure.after:.4g}."
@@ -432,7 +433,7 @@ def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:
         return None
     return Doubt(
         "Products of a signal and a derivative are left in the equation, which amplify noise, and the "
-        f"residuals are {d.level_ratio:.3g} times {_reference(fit)}: estimates may be off by much more than "
+        f"residuals are {d.level_ratio:.3g} times {reference(fit)}: estimates may be off by much more than "
         "their errors. First fit the response itself, mf.rivals.output_error(model)."
     )
 
@@ -484,7 +485,7 @@ def _of(fit: Estimates, output: str) -> str:
     return f" of {output}" if len(fit.row_names) > 1 else ""
 
 
-def _reference(fit: Estimates) -> str:
+def reference(fit: Estimates) -> str:
     """The level that residuals are compared with."""
     if isinstance(fit.options.noise, Noise):
         return "the noise that was given"

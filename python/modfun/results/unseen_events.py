@@ -35,9 +35,8 @@ def unseen_event(fit: Estimates) -> Doubt | None:
         return None
     if not suspicious(fit) or not refuted(fit) or joined(fit) or clipped(fit):
         return None
-    if any(
-        one.what in ("event", "spike") and one.p_value < UNLIKELY for one in diagnose(fit, UNLIKELY).further
-    ):
+    tests = diagnose(fit, UNLIKELY).further
+    if any(one.what in ("event", "spike") and one.p_value < UNLIKELY for one in tests):
         return None  # is told already
     if bends_in_loop(fit):
         return None
@@ -45,6 +44,8 @@ def unseen_event(fit: Estimates) -> Doubt | None:
     found = event(other) if other is not None and other.success else None
     if found is None or not found.p_value < SURE or not _inside(fit, found.time) or settles_otherwise(fit):
         return None
+    if any(one.what == "gain" and one.p_value < found.p_value for one in tests):
+        return None  # a valve whose gain goes with its stem moves its loads at the times of its steps
     return Doubt(
         f"From about t = {found.time:.6g} s on something acts on {found.channel} that is not in the model, "
         f"such as a load or a step of another input (p = {found.p_value:.1g} in coloured noise), and the "
