@@ -30,7 +30,7 @@ from ..results.fit import Fit
 from ..results.initial_state import find_state
 from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit, parts_with_values
-from .by_samples import LOGS, deviance, levels_of, of_response, weights_of
+from .by_samples import LOGS, deviance, is_few, levels_of, of_response, weights_of
 from .near_singular import near_singular
 from .restarts import SMALLER, compared
 from .scales import sizes
@@ -75,7 +75,7 @@ def by_response(fit: Fit) -> Fit:
 
 def _is_asked(fit: EquationFit) -> bool:
     options, words = fit.options, fit.layout.formulas.words
-    few = fit.unsettled  # where sums over few samples err, as `by_samples` tells
+    few = _errs(fit)
     plain = options.noise in ("output", *[LOGS] * few) and options.method in ("ml", "awls")
     plain = plain and options.output_weights is None and not (options.robust or fit.layout.priors)
     plain = plain and options.initial_state in ("unknown", *["zero"] * few)
@@ -84,6 +84,11 @@ def _is_asked(fit: EquationFit) -> bool:
     if any([late is not None for _, _, late in words["signals"]]):
         return False
     return not fit.success or few or level_p(fit) < UNLIKELY or _is_biased(fit)
+
+
+def _errs(fit: EquationFit) -> bool:
+    """Whether sums over few samples err, as `by_samples` tells."""
+    return fit.unsettled and (is_few(fit) or fit.options.noise == LOGS)
 
 
 def _is_biased(fit: EquationFit) -> bool:
@@ -95,9 +100,10 @@ def _found(fit: EquationFit) -> EquationFit:
     from scipy.special import chdtri
 
     search = _Search(fit)
-    if fit.unsettled:  # steps from its estimates have led nowhere, and no other sums are better
-        found = search.minima(None, None, [*_sizes(fit)])
-        return search.told(found[0], found[1:]) if found else fit
+    if _errs(fit):  # steps from its estimates have led nowhere, and no other sums are better
+        here, found = search.at(fit.params), search.minima(None, None, [*_sizes(fit)])
+        better = found and not (here and here.deviance < found[0].deviance)
+        return search.told(found[0], found[1:]) if better else fit
     here = search.at(fit.params) if fit.usable else None
     best = search.least(here) if here else None
     found = []
@@ -293,12 +299,12 @@ class _Search:
         meant = self.least(first) if first else None
         tried = sorted([one for one in map(self.at, ends) if one], key=lambda one: one.deviance)
         found: list[_Point] = []
-        for end in (meant, own, *map(self.least, tried[:ENDS])):
+        for end in (own, meant, *map(self.least, tried[:ENDS])):
             if end and all([abs(end.deviance - one.deviance) > SAME for one in found]):
                 found.append(end)
         found.sort(key=lambda one: one.deviance)
         if meant and meant.deviance < found[0].deviance + CLOSE:
-            found.sort(key=lambda one: one is not meant)
+            found.sort(key=lambda one: abs(one.deviance - meant.deviance) > SAME)
         return found
 
     def _levels_of(self, here: _Point) -> list[F64]:

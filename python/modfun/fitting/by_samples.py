@@ -21,7 +21,7 @@ from ..results.estimates import COVARIANCES
 from ..results.initial_state import slopes
 from ..results.sparse import sparse
 
-__all__ = ["by_samples", "deviance", "levels_of", "lower_by_samples", "of_response", "weights_of"]
+__all__ = ["by_samples", "deviance", "is_few", "levels_of", "lower_by_samples", "of_response", "weights_of"]
 
 PART = 0.1  # of a standard error: steps of differences
 ROUNDS, HALVED = 12, 5
@@ -96,7 +96,7 @@ def by_samples(fit: AnyFit) -> AnyFit:
     if not white or not fit.usable:
         return fit
     if measured_lines(fit):
-        if not _is_few(fit):
+        if not is_few(fit):
             return fit
         return _at_few(fit) if fit.success and not fit.at_bound else replace(fit, unsettled=True)
     return fit if options.noise == LOGS or growth(fit) > 0 else _led(fit, HALVED)
@@ -110,7 +110,7 @@ def _led(fit: AnyFit, halved: int) -> AnyFit:
         return fit
 
 
-def _is_few(fit: Any) -> bool:
+def is_few(fit: Any) -> bool:
     """Whether lines of equations have few samples a period at uneven times, between which all is known.
 
     Transfer functions are told what their sums have too much, and so are equations under held inputs, but

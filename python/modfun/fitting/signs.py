@@ -55,12 +55,15 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
 
     g/L*sin(th - o) is the same with -L and o + pi: searches for the offset of an encoder ended at L < 0 in
     one of eight records, and friction c*tanh(w/v) at c and v below 0 in 7 of 12. Of such sets the one of
-    least norm is taken, which has o within half a turn.
+    least norm is taken, which has o within half a turn. A start above 0 tells the sign before all others.
     """
     words: Any = fit.layout.formulas.words
-    free = _untold(words)
-    below = np.sum(fit.params[free] < 0)
-    if not below:
+    free, above = _untold(words), np.array([start is not None and start > 0 for start in words["starts"]])
+
+    def below(x: F64) -> tuple[int, int]:
+        return int(np.sum(x[above] < 0)), int(np.sum(x[free] < 0))
+
+    if not any(below(fit.params)):
         return fit
     from ..equations.symbolic.mirrors import mirrors
     from ..equations.symbolic.twins import twins
@@ -68,10 +71,10 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     compiled = fit.layout.compiled
     inside = sorted({k for _, k, _ in words["signal_slopes"]})
     every = [*mirrors(compiled, fit.params, inside), *twins(compiled, fit.params)]
-    others = [x for x in every if np.sum(x[free] < 0) < below]
+    others = [x for x in every if below(x) < below(fit.params)]
     size = np.where(fit.params == 0, 1.0, fit.params)
-    for other in sorted(others, key=lambda x: (np.sum(x[free] < 0), np.linalg.norm(x / size)))[:1]:
-        if found := _turned(fit, other, free & (fit.params < 0) & (other > 0), sought):
+    for other in sorted(others, key=lambda x: (*below(x), np.linalg.norm(x / size)))[:1]:
+        if found := _turned(fit, other, (free | above) & (fit.params < 0) & (other > 0), sought):
             return found
     return fit
 

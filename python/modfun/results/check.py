@@ -91,8 +91,8 @@ STANDS = (
     "First make a record in which the command moves, or a dither is added to the input, by more than the "
     "noise does and about as slowly as the system answers; keep it"
 )
-UNASKED, MOMENT = 8.0, 0.5  # work of the looks that a fit is made with, and of those while a line is printed
-SHARE = 3.0  # of the former, of one look; the one at what is left has all that there is
+UNASKED, MOMENT = 40.0, 0.5  # work of the looks that a fit is made with, and of those while a line is printed
+SHARE = 4.0  # of the former, of the look that tries values of actuators one after the other
 BIASED = 0.16  # standard errors: bias that is said, so that one of 0.3 seldom is not
 
 
@@ -366,7 +366,7 @@ def _first(
             return []
         for look in looks:
             try:
-                with Effort(SHARE) if ended and look is not unexplained else nullcontext():
+                with Effort(SHARE) if ended and look is unlike_command else nullcontext():
                     doubt = _looked(look, fit, whole)
             except ended:
                 doubt = _above_noise(fit) if look is unexplained else None

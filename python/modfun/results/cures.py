@@ -352,11 +352,12 @@ def on_band(fit: Estimates, band: tuple[float, float]) -> Options:
 def bic_beside(fit: Estimates, base: Estimates) -> float:
     """BIC as if the fit had as many equations as the base: a delay or a pole takes a few away.
 
-    A window that starts late, as that of a delay, may leave out the very response that the base has wrong:
-    what counts is how much lower BIC is than that of the base over the same window.
+    A window that starts late, as that of a long delay, may leave out the very response that the base has
+    wrong: what counts is how much lower BIC is than that of the base over the same window. Lines of such a
+    window scatter, so that a short delay counts over its own.
     """
     late = _late_by(fit, base)
-    if not any(late):
+    if not any(late) or not _acts_late(fit):
         return _as_many(fit, base)
     same = _from_sample(base, late)
     return inf if same is None else _as_many(base, base) + _as_many(fit, base) - _as_many(same, base)
@@ -365,6 +366,15 @@ def bic_beside(fit: Estimates, base: Estimates) -> float:
 def _as_many(fit: Estimates, base: Estimates) -> float:
     own, rows = fit.df_resid + fit.params.size, base.df_resid + base.params.size
     return (fit.bic - fit.params.size * log(own)) / own * rows + fit.params.size * log(rows)
+
+
+def _acts_late(fit: Estimates) -> bool:
+    """Whether a delay is a large part of a record, as far as a fit has such a number."""
+    model: Any = fit.model if fit.layout.rational or isinstance(fit.structure, StateSpace) else None
+    if model is None:
+        return True
+    longest = max([rec.duration for rec in fit.records or ()], default=0.0)
+    return bool(np.max(np.asarray(model.delays, float), initial=0.0) > FURTHEST * longest)
 
 
 def _late_by(fit: Estimates, base: Estimates) -> tuple[int, ...]:

@@ -237,7 +237,7 @@ def test_uneven_samples_are_fitted_and_simulated():
     fit = mf.fit(mf.Record(y=y, u=np.sin(t**2 / 5), t=t), TF20, band=6.0)
     np.testing.assert_allclose(fit.params, [3, 8, 5], rtol=1e-2)
     assert fit.score()["signal_to_error"][0] > 45
-    assert np.isnan(fit.chi2)
+    assert fit.chi2 > 1e6 * fit.df_resid  # beside neighbours there is no noise; sums err by 1e-4
 
 
 def test_scale_does_not_matter():
