@@ -43,7 +43,7 @@ MOST, NEAR = 2, 0.5  # changes that a regression finds best are fitted, if of so
 MOVED = 11.0  # standard errors of the coefficient of a state that is missing: of slow noise they were below 9
 EACH = 1.0  # work of a fit, in looks that nobody asked for
 FIT, FORMULA = 0.02, 3e-3  # work of a fit beside its iterations: of any, and for each operation of formulas
-SOUGHT = 1e-4  # of a free delay of a transfer function, for each sample
+SOUGHT = 2e-4  # of each free delay of a transfer function beside the first, for each sample
 LONGEST = 256  # uneven samples: equations in coloured noise of a thousand take half a minute to fit
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
@@ -450,7 +450,7 @@ def _made(
     made: Any = fit.again
     layout: Any = fit.layout
     delays = len(layout.free_delays) if layout.rational else 0
-    spend(FIT + SOUGHT * delays * sum([rec.t.size for rec in records or ()]))
+    spend(FIT + SOUGHT * max(delays - 1, 0) * sum([rec.t.size for rec in records or ()]))
     try:
         other = made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)
     except ModfunError:  # too many unknowns for the band, say
