@@ -436,6 +436,9 @@ def again_at_all(
         return None
     if not Effort.limited():
         return _made(fit, records, structure, options, near, how)
+    layout: Any = fit.layout
+    delays = len(layout.free_delays) if layout.rational else 0
+    spend(SOUGHT * max(delays - 1, 0) * sum([rec.t.size for rec in records or ()]))
     try:
         with Effort(EACH):
             return _made(fit, records, structure, options, near, how)
@@ -448,9 +451,7 @@ def _made(
     fit: Estimates, records: Any, structure: Any, options: Options, near: bool, how: dict[str, Any]
 ) -> Estimates | None:
     made: Any = fit.again
-    layout: Any = fit.layout
-    delays = len(layout.free_delays) if layout.rational else 0
-    spend(FIT + SOUGHT * max(delays - 1, 0) * sum([rec.t.size for rec in records or ()]))
+    spend(FIT)
     try:
         other = made(records, structure, options, **(starts_beside(fit, structure) if near else {}), **how)
     except ModfunError:  # too many unknowns for the band, say
