@@ -23,10 +23,9 @@ from ..records.corners import driving
 from ..records.forms import forms_of
 from ..records.record import Record
 from ..records.spectra import too_short
-from ..results.diagnosis import level_ratio
 from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
-from ..results.refits import AWAY
+from ..results.refits import AWAY, ran_away
 from .arguments import sensible
 from .centred import centred_starts
 from .delay_starts import delay_starts
@@ -208,9 +207,7 @@ def fit_equation(
     if fit.success:
         found = as_written(positive(fit, sought_from), sought_from)
         # Far above the noise it may be a false minimum: Hill terms had such in one of four records.
-        lost = (
-            again is not None and level_ratio(found) > AWAY and not any([start is not None for start in told])
-        )
+        lost = again is not None and ran_away(found) and not any([start is not None for start in told])
         return (restarted(sought_from, structure, layout, records, learns) or found) if lost else found
     if any([start is not None for start in told]):
         # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.

@@ -11,8 +11,7 @@ import numpy as np
 from ..equations.layout import EquationLayout
 from ..errors import DataError
 from ..records.record import Record
-from ..results.diagnosis import level_ratio
-from ..results.refits import AWAY
+from ..results.refits import ran_away
 from .scales import sizes
 
 __all__ = ["compared", "restarted", "settled_within"]
@@ -50,7 +49,7 @@ def restarted(
             except DataError:  # a band with fewer equations than unknowns
                 continue
             # Where a level took the residuals up, the fit is none: that of a wrong model would pass for one.
-            if settled_within(fit, layout) and not level_ratio(fit) > AWAY:
+            if settled_within(fit, layout) and not ran_away(fit):
                 return fit
     return None
 

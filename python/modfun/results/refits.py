@@ -11,8 +11,9 @@ from ..records.forms import forms_of
 from .diagnosis import level_ratio
 from .estimates import Estimates
 from .neighbours import EXTRA
+from .sample_levels import beside_samples
 
-__all__ = ["AWAY", "lengthy", "starts_beside"]
+__all__ = ["AWAY", "lengthy", "ran_away", "starts_beside"]
 
 AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
 LENGTHY = 1000  # operations per sample, of formulas that take half a second to fit
@@ -22,6 +23,14 @@ def lengthy(fit: Estimates) -> bool:
     """Whether fits of equations like the fit's take so long that dozens are made only where one is missed."""
     formulas = getattr(fit.layout, "formulas", None)  # of equations
     return formulas is not None and len(formulas.words["formulas"][0]) > LENGTHY
+
+
+def ran_away(fit: Estimates) -> bool:
+    """Whether a fit leaves so much more than the high band's noise that its search is none to begin from.
+
+    Noise beside uneven neighbours says nothing of a search: sums over few such samples leave many times it.
+    """
+    return level_ratio(fit) > AWAY and not beside_samples(fit)
 
 
 def starts_beside(fit: Estimates, structure: Any) -> dict[str, Any]:
@@ -43,7 +52,7 @@ def starts_beside(fit: Estimates, structure: Any) -> dict[str, Any]:
     names = structure.param_names(fit.inputs, fit.outputs)
     starts = [own.get(name, _first(told.get(name))) for name in names]
     same = isinstance(fit.structure, Equation) and structure.texts == fit.structure.texts
-    near = same and {*names} <= {*own} and fit.success and not fit.at_bound and not level_ratio(fit) > AWAY
+    near = same and {*names} <= {*own} and fit.success and not fit.at_bound and not ran_away(fit)
     return {"starts": starts, "near": near}
 
 

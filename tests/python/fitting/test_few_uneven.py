@@ -118,6 +118,7 @@ def test_held_inputs_at_few_times(hours, start):
     off = []
     for seed in range(5):
         fit = mf.fit(infused(hours, seed), INFUSION, initial_state=start)
+        assert fit.by_response
         off.append((fit.params - [20.0, 0.3]) / fit.bse)
     # χ² with 10 degrees of freedom, nearly: beyond 29.6 in one of a thousand.
     assert np.sum(np.square(off)) < 29.6
