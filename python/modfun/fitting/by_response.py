@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..base.least_squares import damped_step, levenberg_marquardt
 from ..base.named import Named
 from ..base.words import TRENDS
@@ -96,15 +97,16 @@ def _is_biased(fit: EquationFit) -> bool:
     return fit.bend > BENT or amplified(fit) or near_singular(fit)
 
 
+@kept
 def _found(fit: EquationFit) -> EquationFit:
     from scipy.special import chdtri
 
     search = _Search(fit)
+    here = search.at(fit.params) if fit.usable else None
     if _errs(fit):  # steps from its estimates have led nowhere, and no other sums are better
-        here, found = search.at(fit.params), search.minima(None, None, [*_sizes(fit)])
+        found = search.minima(None, None, [*_sizes(fit)])
         better = found and not (here and here.deviance < found[0].deviance)
         return search.told(found[0], found[1:]) if better else fit
-    here = search.at(fit.params) if fit.usable else None
     best = search.least(here) if here else None
     found = []
     if best is None or amplified(fit) or not search.level_p(best) > PLAUSIBLE:  # it may be one of several

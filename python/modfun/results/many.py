@@ -311,9 +311,10 @@ class FitMany(Elsewhere):
             notes=notes,
             **driven,
         )
-        kept = {r: found[r] for r in _few(place, made._odd)}
+        odd, looked = made._odd, (rows([f.changing for f in good], False), rows([f.bse for f in good]))
+        kept = {r: found[r] for r in _few(place, odd)}
         made = replace(made, alone=kept.__getitem__)
-        made.__dict__["_looked"] = rows([f.changing for f in good], False), rows([f.bse for f in good])
+        made.__dict__.update(_odd=odd, _looked=looked)
         return made
 
     @staticmethod
