@@ -182,6 +182,12 @@ class Options:
         return self.noise == "process" or isinstance(self.noise, ProcessNoise)
 
     @property
+    def fits_covariance(self) -> bool:
+        """Whether the covariance of the noise of several outputs is fitted beside the parameters."""
+        known = self.output_weights is not None or isinstance(self.noise, Noise)
+        return not (known or self.drives or self.noise == "errors-in-variables")
+
+    @property
     def plain_noise(self) -> bool:
         """Whether the noise is white on one output, in its equation, or both: what the fastest path fits."""
         return self.noise in ("output", "process", "equation") and self.output_weights is None

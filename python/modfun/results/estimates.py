@@ -344,9 +344,7 @@ class Estimates(Elsewhere):
         """
         rows, outputs = self.df_resid + self.params.size, len(self.outputs)
         penalty = self.params.size * np.log(rows)
-        known = self.options.output_weights is not None or isinstance(self.options.noise, Noise)
-        whole = self.process_levels is not None or self.options.noise == "errors-in-variables"
-        if outputs == 1 or known or whole:
+        if outputs == 1 or not self.options.fits_covariance:
             with np.errstate(divide="ignore"):
                 return float(rows * np.log(self.cost / rows) + penalty)
         _, size = np.linalg.slogdet(self.noise_cov * (self.df_resid / rows))

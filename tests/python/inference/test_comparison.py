@@ -6,6 +6,7 @@ import warnings
 import modfun as mf
 import numpy as np
 import pytest
+from scipy.stats import chi2, kstest
 
 TF1, TF2 = mf.TransferFunction(poles=1, zeros=0), mf.TransferFunction(poles=2, zeros=0)
 
@@ -75,17 +76,66 @@ def test_the_criteria_of_a_fit_name_the_comparison(fits):
     assert mf.compare(fits)["aic"][0] == pytest.approx(wide.aic, rel=1e-9)
 
 
-def test_criteria_of_nested_models_are_likelihood_ratios():
-    """A zero that is not there: of 60 ratios 3 lie beyond the 5 % limit, more than 9 in 1 of 1,000 trials."""
-    ratios = []
-    for seed in range(60):
+def test_nested_models_are_tested_by_the_likelihood_ratio():
+    """A parameter held at its true value: of 300 p-values 15 are below 5 %, 28 or more in 1 of 1,000 trials.
+
+    By chi-square some 30 are.
+    """
+    tests, held = [], mf.TransferFunction(poles=2, zeros=0, params={"a2": 8.0})
+    for seed in range(300):
         rec = record(seed)
-        table = mf.compare([mf.fit(rec, TF2), mf.fit(rec, mf.TransferFunction(poles=2, zeros=1))])
-        smaller, larger = table["aic"] - 2 * table["parameters"]
-        ratios.append(smaller - larger)
+        fits = {"held": mf.fit(rec, held), "free": mf.fit(rec, TF2)}
+        tests.append(mf.compare(fits).likelihood_ratio("held", "free"))
+    ratios, found = np.array([(t["minus_2_log"][0], t["p_value"][0]) for t in tests]).T
     assert min(ratios) > -0.01
-    assert sum(ratio > 3.84 for ratio in ratios) <= 9
-    assert 0.5 < np.mean(ratios) < 1.6  # 1 ± 0.18
+    assert 4 <= np.sum(found < 0.05) <= 27
+    assert np.sum(chi2.sf(ratios, 1) < 0.05) > 27
+    assert kstest(found, "uniform").pvalue > 1e-3
+
+
+def test_the_likelihood_ratio_of_two_outputs_counts_equations_of_each():
+    """Of 100 p-values 5 are below 5 %, 13 or more in 1 of 1,000 trials."""
+    free, found = pitch(), []
+    system = free.model({"za": -0.8, "zq": 0.9, "ma": -5.0, "mq": -1.2, "zd": -0.1, "md": -4.0})
+    for seed in range(100):
+        rec = mf.simulate(system, input="sin(t**2/5)", duration=10, intervals=300, nsr=0.1, seed=seed)
+        fits = {"held": mf.fit(rec, pitch(zd=-0.1, za=-0.8)), "free": mf.fit(rec, free)}
+        test = mf.compare(fits).likelihood_ratio("held", "free")
+        found.append(test["p_value"][0])
+    assert 1 <= np.sum(np.array(found) < 0.05) <= 12
+    assert kstest(found, "uniform").pvalue > 1e-3
+    assert test["df_resid"][0] == fits["free"].df_resid / 2
+
+
+def pitch(**held):
+    return mf.StateSpace(
+        [["za", "zq"], ["ma", "mq"]], ["zd", "md"], states=["a", "q"], inputs=["u"], params=held
+    )
+
+
+def test_the_likelihood_ratio_is_that_of_the_criteria(fits):
+    table = mf.compare({"one": fits[0], "two": fits[1]})
+    test = table.likelihood_ratio("one", "two")
+    smaller, larger = table["aic"] - 2 * table["parameters"]
+    assert test["minus_2_log"][0] == pytest.approx(smaller - larger)
+    n = np.exp(2 + (table["bic"][1] - table["aic"][1]) / 3)
+    assert test["df_resid"][0] == pytest.approx(n - 3)
+    assert test["F"][0] == pytest.approx(np.expm1((smaller - larger) / n) * (n - 3))
+    assert test["df"].tolist() == [1]
+    assert test["p_value"][0] < 1e-6
+    assert pickle.loads(pickle.dumps(table)).likelihood_ratio("one", "two") == test
+
+
+def test_what_is_not_nested_is_not_tested(fits):
+    table = mf.compare({"one": fits[0], "two": fits[1], "published": mf.tf([5], [1, 3, 8])}, record(0))
+    for names, said in [
+        (("two", "one"), "'one' has 2 parameters, 'two' 3; give the model with fewer first"),
+        (("one", "three"), "no model 'three'; there are ['one', 'two', 'published']"),
+        (("published", "two"), "the aic of 'published' and 'two' are [nan"),
+    ]:
+        with pytest.raises(mf.SpecError) as error:
+            table.likelihood_ratio(*names)
+        assert said in str(error.value)
 
 
 def test_a_linear_system_stands_beside_fits(fits):
