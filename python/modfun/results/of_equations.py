@@ -186,13 +186,17 @@ class EquationFit(Fit):
         )
 
     def _may_lack_values(self) -> bool:
-        """Whether the equations have logarithms, roots or quotients of signals, or samples that overflow."""
+        """Whether samples overflow, or equations may have no value beside them.
+
+        Logarithms and roots of signals alone have been seen at the samples by `_without_value`.
+        """
         if self._absurd():
             return True
         texts = getattr(self.structure, "texts", None)  # a state space has none of them
         if texts is None or self.layout.compiled.hidden:  # elimination divides and takes logarithms
             return True
-        return any(sign in text for text in texts for sign in ("log", "sqrt", "/", "**"))
+        seen = not self.layout.formulas.words["signal_slopes"]
+        return any(sign in text for text in texts for sign in ("/", "**", *["log", "sqrt"] * (not seen)))
 
     def _without_value(self) -> str:
         """Where a logarithm or root in the equations meets samples that are not positive."""
