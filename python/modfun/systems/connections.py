@@ -41,7 +41,7 @@ def connected(how: str, first: Any, second: Any, sign: int = -1) -> Parts:
     Parameters
     ----------
     how : {"*", "/", "+", "-", "feedback"}
-        Quotients are transfer functions.
+        Quotients are transfer functions, and feedback around several channels is a state space.
     first, second : LTI, or a system of python-control, or a number or matrix
     sign : {-1, 1}
         Of the feedback.
@@ -57,7 +57,8 @@ def connected(how: str, first: Any, second: Any, sign: int = -1) -> Parts:
     if sign not in (-1, 1):
         raise SpecError(f"feedback: sign={sign!r} must be -1 (negative feedback) or 1")
     late = _delay(how, first, second)
-    states = how != "/" and any(_has_states(one) for one in (first, second))
+    several = how == "feedback" and any(max(getattr(one, "shape", (1,))) > 1 for one in (first, second))
+    states = how != "/" and (several or any(_has_states(one) for one in (first, second)))
     one, two = (_to_control(given, states) for given in (first, second))
     try:
         if how == "feedback":

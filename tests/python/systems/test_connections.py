@@ -47,6 +47,16 @@ def test_several_channels_are_connected_as_matrices():
     np.testing.assert_allclose((TWO * TWO)(S), np.einsum("ijw,jkw->ikw", TWO(S), TWO(S)), rtol=1e-9)
 
 
+@pytest.mark.parametrize("gain", [np.eye(2), [[0.5, 0], [1, 2]]])
+def test_feedback_around_several_channels_is_a_state_space(gain):
+    """python-control has none of transfer functions with several channels."""
+    closed = TWO.feedback(gain)
+    open_loop = np.moveaxis(TWO(S), -1, 0)
+    wanted = np.linalg.solve(np.eye(2) + open_loop @ np.array(gain), open_loop)
+    np.testing.assert_allclose(np.moveaxis(closed(S), -1, 0), wanted, rtol=1e-9)
+    assert closed.matrices is not None
+
+
 def test_systems_of_the_same_numbers_are_equal():
     assert mf.tf([5], [1, 3, 8]) == G
     assert {G: "one"}[mf.tf([10], [2, 6, 16])] == "one"
