@@ -27,7 +27,7 @@ from . import drawing_terms
 from .library import Library
 from .term_search import FALSE_ALARM, Searched, weights
 
-__all__ = ["TermSelection", "selection", "sparse"]
+__all__ = ["TermSelection", "fit_terms", "selection", "sparse"]
 
 LARGER = 3  # sizes beyond the chosen one that the path shows
 ALIKE = 6.0  # rise of the criterion at an exchange, under which two terms are not told apart
@@ -110,7 +110,7 @@ class TermSelection(Elsewhere):
         Its standard errors are conditional: they do not count that the terms were selected. Those of
         `inclusion` do.
         """
-        return _fit(self.records, self.equation, self.options)
+        return fit_terms(self.records, self.equation, self.options)
 
     def summary(self) -> str:
         """Equation, inclusion probabilities, what is not told apart, and notes, as text."""
@@ -256,7 +256,7 @@ def _equation(library: Library, chosen: Any, rec: Record) -> Equation:
     )
 
 
-def _fit(records: Sequence[Record], equation: Equation, options: Options) -> Fit:
+def fit_terms(records: Sequence[Record], equation: Equation, options: Options) -> Fit:
     own = [
         rec
         if (rec.outputs, rec.inputs) == (equation.outputs, equation.inputs)
@@ -302,7 +302,7 @@ def _simulated(
 ) -> float:
     """How well a fit simulates other records, in per cent; nan where it has no response."""
     try:
-        fit = _fit(records, equation, options)
+        fit = fit_terms(records, equation, options)
         own = [rec.select(outputs=list(equation.outputs), inputs=list(equation.inputs)) for rec in tests]
         return float(np.mean([row["fit_percent"] for rec in own for row in fit.score(rec)]))
     except ModfunError:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from ..results.diagnosis import level_df
 from .common import widest
 from .library import Library, library_of
 from .moments import Lines, signal_edge
+from .term_records import unlike_terms
 from .term_search import Search
 from .term_selection import TermSelection, selection, sparse
 
@@ -151,7 +154,20 @@ def select_terms(
         )
     if text := sparse(records, edge, searched):
         warnings.warn(f"select_terms: {text}", ModfunWarning, stacklevel=3)
-    return selection(records, tests, found, searched, levels, edge, noise)
+    made = selection(records, tests, found, searched, levels, edge, noise)
+
+    alone = partial(
+        select_terms,
+        library=library,
+        target=target,
+        keep=keep,
+        signs=signs,
+        hierarchy=hierarchy,
+        noise=noise,
+        progress=False,
+    )
+    told = unlike_terms(records, searched.excess, alone)
+    return replace(made, notes=(*made.notes, told)) if told else made
 
 
 # The problem ----------------------------------------------------------------------------------------
