@@ -73,7 +73,7 @@ from .slow_noise import slow_noise
 from .sparse import sparse
 from .stand_in import stand_in
 from .still_inputs import of_still_inputs
-from .stopped import too_many_poles
+from .stopped import too_many_poles, valley
 from .swapped import swapped
 from .twins import other_minimum, other_signs, twin
 from .uncertain_poles import uncertain_poles
@@ -106,7 +106,7 @@ def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state
     if isinstance(start, str) and start == "unknown":
-        return _lost(fit) or _from_rest(fit) or _driven(fit) or fit.message
+        return _lost(fit) or valley(fit) or _from_rest(fit) or _driven(fit) or fit.message
     ends = ""
     if fit.again is not None and fit.records:
         free = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="unknown"))

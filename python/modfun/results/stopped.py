@@ -1,4 +1,4 @@
-"""Why searches stopped without settling: too many poles."""
+"""Why searches stopped without settling: too many poles, or parameters that the record hardly tells apart."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ import numpy as np
 
 from ..base.cached import kept
 from ..models.transfer_function import TransferFunction
+from .collinearity import collinearity_of
 from .cures import ENOUGH, again
 from .diagnosis import level_p
 from .doubts import Doubt, still_held
 from .estimates import Estimates
 from .rewritten import rewritten
 
-__all__ = ["too_many_poles"]
+__all__ = ["too_many_poles", "valley"]
+
+NARROW = 1000.0  # condition index of a valley whose bottom a search does not reach; settled fits stay below
 
 
 @kept
@@ -31,9 +34,21 @@ def too_many_poles(fit: Estimates) -> Doubt | None:
     left = "leaves only the noise" if _answers(other) else "leaves less of the outputs"
     held = f" and still held {still_held(fit)[0]}" if still_held(fit) else ""
     return Doubt(
-        f"The search stopped after {fit.nit} iterations without settling{held}: there are too many poles. "
-        f"First try poles={poles}, with which it settles and {left}."
+        f"The search stopped after {fit.nit} iterations without settling{held}: the record does not "
+        f"show so many poles. First try poles={poles}, with which it settles and {left}."
     )
+
+
+def valley(fit: Estimates) -> str:
+    """Which parameters are hardly told apart where a search ended among answers that leave only the noise.
+
+    Of a motor whose speed alone is measured K, J and b have errors of their own size, and 50 steps along the
+    valley did not reach its bottom.
+    """
+    if fit.status != "maxiter" or not fit.usable or not level_p(fit) > ENOUGH:
+        return ""
+    found = collinearity_of(fit)
+    return found.findings[0] if found.condition > NARROW else ""
 
 
 def _answers(fit: Estimates) -> bool:
