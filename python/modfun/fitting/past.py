@@ -34,9 +34,10 @@ __all__ = ["fit_with_past"]
 
 PART = 0.2  # of a record's intervals that stand before it
 FEWEST = 8  # samples of a past
-# Noise of a sample of the past over that of the record's. At 0.1 the past tells next to all already. At 0.01
-# it is surer than sums over samples are before what these fold is out, and delays ended far off, on bounds.
-CERTAIN = 0.1
+CERTAIN = 0.01  # noise of a sample of the past over that of the record's: certain next to these
+# The same beside free delays. At 0.01 the past is surer than sums over samples are before what these fold is
+# out, and delays ended far off, on bounds. It tells next to all at 0.1 already.
+SURE = 0.1
 SHORT = 12  # samples from which a level is first guessed in motion
 STEP = 0.2  # of the noise: differences of levels
 SETTLED = 0.1  # of its standard error: change of a level that ends the search
@@ -110,6 +111,7 @@ class _Search:
         learnt = not isinstance(structure, TransferFunction) and options.noise == "output"
         self.several = learnt and len(records) * len(records[0].outputs) > 1
         self.late = _longest_delay(structure, records[0], options)
+        self.certain = SURE if _has_free_delays(structure, records[0]) else CERTAIN
         more = {} if options.harmonics is None else {"harmonics": round(options.harmonics * (1 + PART))}
         drift = _trend(structure, options) == "linear"
         own = "constant" if drift else options.trend
@@ -197,7 +199,7 @@ class _Search:
     def extended(self, levels: F64 | None = None) -> tuple[Record, ...]:
         """The records with their past at levels, by default those that were found."""
         both = zip(self.records, self.levels if levels is None else levels, strict=True)
-        return tuple([extended(rec, own, self.rest, self.late) for rec, own in both])
+        return tuple([extended(rec, own, self.rest, self.late, self.certain) for rec, own in both])
 
     def settled(self, fit: Any) -> tuple[Any, dict[str, F64]]:
         """The fit under the best levels, and its covariances with what the errors of these add.
@@ -285,6 +287,12 @@ class _Search:
         return self.fit(self.levels + moved.reshape(self.levels.shape), fit)
 
 
+def _has_free_delays(structure: Any, rec: Record) -> bool:
+    if not isinstance(structure, TransferFunction):
+        return False
+    return bool(structure.layout(rec.outputs, rec.inputs).free_delays)
+
+
 def _seeks_delays(fit: Any) -> bool:
     """Whether a fit is one of transfer functions with free delays, for which there are several minima."""
     return isinstance(fit.structure, TransferFunction) and bool(fit.layout.free_delays)
@@ -303,7 +311,7 @@ def _better(fit: Any, other: Any) -> bool:
     return deviance(fit) - deviance(other) < SURELY * (unstable[1] - unstable[0])
 
 
-def extended(rec: Record, levels: F64, rest: bool, late: float) -> Record:
+def extended(rec: Record, levels: F64, rest: bool, late: float, certain: float) -> Record:
     """A record with its past before it: outputs at `levels`, inputs at their first values or at zero.
 
     Behind the level of an output may be its drift over the record, which is taken away.
@@ -311,7 +319,7 @@ def extended(rec: Record, levels: F64, rest: bool, late: float) -> Record:
     step = float(np.median(np.diff(rec.t))) if rec.dt is None else rec.dt
     count = max(ceil(PART * rec.intervals), FEWEST) + ceil(late / step - 1e-9)
     sigma = np.ones_like(rec.y) if rec.sigma is None else rec.sigma
-    usual = CERTAIN * np.median(sigma, axis=1, keepdims=True)
+    usual = certain * np.median(sigma, axis=1, keepdims=True)
     drift = levels[:, 1:] * ((rec.t - rec.t[0]) / rec.duration) if levels.shape[1] > 1 else 0.0
 
     def before(past: Any, samples: Any) -> Any:
