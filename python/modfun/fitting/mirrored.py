@@ -17,7 +17,7 @@ from ..results.estimates import Estimates
 from ..results.stability import deviance
 from ..systems.polynomials import roots
 
-__all__ = ["as_likely", "mirrored"]
+__all__ = ["SURELY", "as_likely", "mirrored"]
 
 SURELY = 10.0  # −2 log likelihood by which a record has to prefer the unstable model
 

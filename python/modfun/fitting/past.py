@@ -12,18 +12,20 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..equations.layout import layout_of
-from ..errors import DataError, SpecError
+from ..errors import DataError, ModfunError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
 from ..records.steady import QUIET, standing
 from ..results.cures import on_band
+from ..results.diagnosis import growth
 from ..results.estimates import COVARIANCES
 from ..results.refits import starts_beside
 from ..results.stability import deviance
 from .from_states import fit_from_states
 from .kinks import without_kinks
+from .mirrored import SURELY, mirrored
 from .of_equations import fit_equation
 from .operating_point import OperatingPoint
 from .wider import wider_edge
@@ -33,15 +35,21 @@ __all__ = ["fit_with_past"]
 PART = 0.2  # of a record's intervals that stand before it
 FEWEST = 8  # samples of a past
 CERTAIN = 0.01  # noise of a sample of the past over that of the record's: certain next to these
+# The same beside free delays. At 0.01 the past is surer than sums over samples are before what these fold is
+# out, and delays ended far off, on bounds. It tells next to all at 0.1 already.
+SURE = 0.1
 SHORT = 12  # samples from which a level is first guessed in motion
 STEP = 0.2  # of the noise: differences of levels
 SETTLED = 0.1  # of its standard error: change of a level that ends the search
 ROUNDS = 8
 ENOUGH = 20  # degrees of freedom: fewer contradict no false start, and leave wide intervals
 SLOWEST = 8  # samples per period of the highest line that is added for them
+APART = 8.0  # −2 log likelihood that a step of the levels does not cost
 LARGE = 100.0  # logarithm of a ratio that is no number
+CLOSE = 4, 2  # steps of a search begun close to its end: before what sums fold is out, more lead astray,
+MOVED, ROUNDING = 0.05, 1e-9  # of a standard error, and of values: as many again hardly move it there
 
-Fits = Callable[[tuple[Record, ...], Any, Options], Any]
+Fits = Callable[..., Any]
 
 
 def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options, fit_once: Fits) -> Any:
@@ -74,7 +82,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
         records = tuple([structure.own_channels(rec) for rec in records])
     # What kinks of held inputs do to an estimate is hardly another at other levels, and takes long to find.
     search = _Search(records, structure, options, fit_equation if equations else fit_once)
-    fit = search.fit(search.levels)
+    fit = search.first()
     if not fit.usable:
         return replace(fit, records=records, options=options)
     fit = search.on_enough_lines(fit)
@@ -103,10 +111,12 @@ class _Search:
         learnt = not isinstance(structure, TransferFunction) and options.noise == "output"
         self.several = learnt and len(records) * len(records[0].outputs) > 1
         self.late = _longest_delay(structure, records[0], options)
+        self.certain = SURE if _has_free_delays(structure, records[0]) else CERTAIN
         more = {} if options.harmonics is None else {"harmonics": round(options.harmonics * (1 + PART))}
         drift = _trend(structure, options) == "linear"
         own = "constant" if drift else options.trend
-        self.inner = options.replace(initial_state="unknown", trend=own, **more)
+        self.unknown = options.replace(initial_state="unknown")
+        self.inner = self.unknown.replace(trend=own, **more)
         self.levels = np.zeros((len(records), len(records[0].outputs), 2 if drift else 1))
         self.moved: Any = 0.0  # what the operating point adds to the parameters
         self.point: OperatingPoint | None = None
@@ -119,14 +129,59 @@ class _Search:
                     fit_once(records, structure, self.inner.replace(trend="linear"))
                 )
 
+    def first(self) -> Any:
+        """The fit under the first levels: with free delays the best of several ends.
+
+        Beside the one from afar these are the ends of ways from the fit with any start, which finds wrong
+        delays less often, and from the stable twin of an unstable one.
+        """
+        fit = self.fit(self.levels)
+        if not fit.usable or not _seeks_delays(fit):
+            return fit
+        starts = [mirrored(fit)]
+        try:
+            free = self.fit_once(self.records, self.structure, self.unknown)
+            starts.append(free.params if free.usable else None)
+        except ModfunError:  # such as an input that moves at an end only
+            pass
+        own, self.inner = self.inner, on_band(fit, fit.band)
+        ends = [self._close(self.levels, start, fit) for start in starts if start is not None]
+        self.inner = own
+        for other in ends:
+            if other is not None and _better(other, fit):
+                fit = replace(other, options=own, band_rule=fit.band_rule)
+        return fit
+
     def fit(self, levels: F64, near: Any = None) -> Any:
         """The fit under these levels; `near`: one under others, at whose estimates a search begins.
 
-        Each search from afar of two delays took a second, for some twenty levels.
+        Each search from afar of two delays took a second, for some twenty levels, and some ended in another
+        minimum.
         """
+        if near is not None and _seeks_delays(near):
+            close = self._close(levels, near.params, near)
+            if close is not None:
+                return close
         starts = {} if near is None else starts_beside(near, self.structure)
         found = self.fit_once(self.extended(levels), self.structure, self.inner, **starts)
         return found if found.usable or not starts else self.fit(levels)
+
+    def _close(self, levels: F64, start: F64, near: Any) -> Any:
+        """The end of a few steps on a given band; None if it is none, or on a bound that `near` is not on."""
+        for steps in CLOSE:
+            few, made = self.inner.replace(maxiter=min(steps, self.inner.maxiter)), start
+            for _ in range(2):
+                before = made
+                fit = self.fit_once(self.extended(levels), self.structure, few, starts=before.tolist())
+                made = np.asarray(fit.params)
+                if not fit.usable:
+                    break
+            else:
+                moved = np.abs(made - before) > MOVED * np.nan_to_num(fit.bse)
+                moved &= ~np.isclose(made, before, rtol=ROUNDING)  # on a bound, or without noise
+                if not np.any(moved) and {*fit.at_bound} <= {*near.at_bound}:
+                    return replace(fit, status="ok", options=self.inner)
+        return None
 
     def on_enough_lines(self, fit: Any) -> Any:
         """The fit on a default band that is wide enough for the noise level; itself where it is.
@@ -144,7 +199,7 @@ class _Search:
     def extended(self, levels: F64 | None = None) -> tuple[Record, ...]:
         """The records with their past at levels, by default those that were found."""
         both = zip(self.records, self.levels if levels is None else levels, strict=True)
-        return tuple([extended(rec, own, self.rest, self.late) for rec, own in both])
+        return tuple([extended(rec, own, self.rest, self.late, self.certain) for rec, own in both])
 
     def settled(self, fit: Any) -> tuple[Any, dict[str, F64]]:
         """The fit under the best levels, and its covariances with what the errors of these add.
@@ -165,7 +220,7 @@ class _Search:
         steps = STEP * np.broadcast_to(fit.noise_levels[..., None], self.levels.shape).ravel()
         for _ in range(ROUNDS):
             sides, slopes, gradient, curvature = self._differences(fit, steps, rows)
-            found = all(one.usable for one in sides) and np.isfinite(curvature).all()
+            found = not any([_elsewhere(one, fit) for one in sides]) and np.isfinite(curvature).all()
             if not found or not np.linalg.eigvalsh(curvature)[0] > 0:
                 steps = steps / 2  # a fit fell into another minimum, or into none
                 continue
@@ -176,8 +231,10 @@ class _Search:
                 if self.several:
                     ended = self.fit(self.levels, fit)
                     ended = ended if ended.success else fit
+                # A parameter has no error on a bound, and one beside it.
+                alike = [one for one in sides if one.at_bound == fit.at_bound] or [fit]
                 wider = {
-                    name: np.mean([getattr(one, name) for one in sides], axis=0)
+                    name: np.mean([getattr(one, name) for one in alike], axis=0)
                     + (getattr(ended, name) - getattr(fit, name))
                     for name in COVARIANCES
                 }
@@ -230,7 +287,31 @@ class _Search:
         return self.fit(self.levels + moved.reshape(self.levels.shape), fit)
 
 
-def extended(rec: Record, levels: F64, rest: bool, late: float) -> Record:
+def _has_free_delays(structure: Any, rec: Record) -> bool:
+    if not isinstance(structure, TransferFunction):
+        return False
+    return bool(structure.layout(rec.outputs, rec.inputs).free_delays)
+
+
+def _seeks_delays(fit: Any) -> bool:
+    """Whether a fit is one of transfer functions with free delays, for which there are several minima."""
+    return isinstance(fit.structure, TransferFunction) and bool(fit.layout.free_delays)
+
+
+def _elsewhere(fit: Any, other: Any) -> bool:
+    """Whether a fit under levels next to another's is none, or in another minimum on a bound."""
+    if not fit.usable:
+        return True
+    return not {*fit.at_bound} <= {*other.at_bound} and deviance(fit) - deviance(other) > APART
+
+
+def _better(fit: Any, other: Any) -> bool:
+    """Whether a fit is likelier than another on the same lines; an unstable one has to be surely so."""
+    unstable = growth(fit) > 0, growth(other) > 0
+    return deviance(fit) - deviance(other) < SURELY * (unstable[1] - unstable[0])
+
+
+def extended(rec: Record, levels: F64, rest: bool, late: float, certain: float) -> Record:
     """A record with its past before it: outputs at `levels`, inputs at their first values or at zero.
 
     Behind the level of an output may be its drift over the record, which is taken away.
@@ -238,7 +319,7 @@ def extended(rec: Record, levels: F64, rest: bool, late: float) -> Record:
     step = float(np.median(np.diff(rec.t))) if rec.dt is None else rec.dt
     count = max(ceil(PART * rec.intervals), FEWEST) + ceil(late / step - 1e-9)
     sigma = np.ones_like(rec.y) if rec.sigma is None else rec.sigma
-    usual = CERTAIN * np.median(sigma, axis=1, keepdims=True)
+    usual = certain * np.median(sigma, axis=1, keepdims=True)
     drift = levels[:, 1:] * ((rec.t - rec.t[0]) / rec.duration) if levels.shape[1] > 1 else 0.0
 
     def before(past: Any, samples: Any) -> Any:

@@ -43,9 +43,10 @@ def fit_quietly(
 ) -> Fit:
     """One fit without its warnings.
 
-    `starts`: where the search of an equation's parameters begins; `near`: whether these are estimates of
-    the same equations; `unfolded`: whether what sampling folds is out of the outputs, as another fit told;
-    `less`: samples that are taken from the equations, as that one told.
+    `starts`: where the search of an equation's parameters begins, or that of a transfer function with free
+    delays on a band that is given; `near`: whether these are estimates of the same equations; `unfolded`:
+    whether what sampling folds is out of the outputs, as another fit told; `less`: samples that are taken
+    from the equations, as that one told.
     """
     refuse_uneven(records)
     if options.reference:
@@ -66,7 +67,8 @@ def fit_quietly(
         return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)
-    fit = by_samples(fit_plain(records, structure, options, fit_quietly))
+    begun = None if starts is None else np.array(starts, float)
+    fit = by_samples(fit_plain(records, structure, options, fit_quietly, begun))
     if any([rec.dt is None for rec in records]):
         return without_excess(fit, lambda moved, lines: fit_plain(moved, structure, lines, fit_quietly))
     return held_closely(fit, fit_quietly)
