@@ -69,6 +69,10 @@ class Named(np.ndarray[Any, np.dtype[np.float64]]):
         """Names, so that ``dict(vector)`` and ``function(**vector)`` take it as a mapping."""
         return self.names
 
+    def items(self) -> list[tuple[str, float]]:
+        """Names with their numbers, as those of a dictionary."""
+        return list(zip(self.names, self.tolist(), strict=True))
+
     def _ipython_key_completions_(self) -> list[str]:
         return list(self.names)
 

@@ -25,6 +25,7 @@ def test_names_and_positions_agree(vector):
 def test_it_is_taken_as_a_mapping(vector):
     assert dict(vector) == {"a1": 2.0, "a2": 8.0, "b0": 5.0}
     assert (lambda **by_name: by_name["b0"])(**vector) == 5.0
+    assert [f"{name}: {value:g}" for name, value in vector.items()] == ["a1: 2", "a2: 8", "b0: 5"]
 
 
 def test_it_prints_as_a_table(vector):
