@@ -127,7 +127,7 @@ def test_a_fit_that_cannot_tell_parameters_apart_asks_for_starts_where_it_had_no
     assert "give starts" not in replace(mf.fit(run(1), linear), status="rank").message
 
 
-def test_coefficients_are_free_only_where_no_signal_holds_a_parameter():
+def test_coefficients_are_free_only_of_linear_equations_without_free_delays():
     compiled = motor().compiled()
     own = freed(compiled, None)
     assert len(own.coefficients) == 3
@@ -144,3 +144,5 @@ def test_coefficients_are_free_only_where_no_signal_holds_a_parameter():
         params={"h": mf.Free(min=0, max=0.1)},
     )
     assert freed(late.compiled(), None) is None
+    bent = mf.Equation("J*w' + b*w + c*w**3 = V", outputs=["w"], inputs=["V"])
+    assert freed(bent.compiled(), None) is None
