@@ -31,6 +31,7 @@ from .centred import centred_starts
 from .delay_starts import delay_starts
 from .few_lines import at_least_white
 from .gaps import across, blind, bridged, relative, variances
+from .matched import likelier, matched
 from .own_levels import by_own_levels
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
@@ -204,11 +205,19 @@ def fit_equation(
     learns = options.noise in ("output", "coloured") and len(layout.outputs) > 1
     if starts is not None:
         return fit
+
+    def begun_anew() -> EquationFit | None:
+        """The fit from other starts: by free coefficients, or of sizes that the equations ask for."""
+        others = partial(_with_others, records, options, again, levels, less)
+        found = matched(others, sought_from, structure, layout, records)
+        return found or restarted(sought_from, structure, layout, records, learns)
+
     if fit.success:
         found = as_written(positive(fit, sought_from), sought_from)
+        found = likelier(found, sought_from, structure, layout, records)
         # Far above the noise it may be a false minimum: Hill terms had such in one of four records.
         lost = again is not None and ran_away(found) and not any([start is not None for start in told])
-        return (restarted(sought_from, structure, layout, records, learns) or found) if lost else found
+        return (begun_anew() or found) if lost else found
     if any([start is not None for start in told]):
         # A start may lie beside a false minimum; where it leads nowhere, others of its sign are tried.
         signed = tuple(
@@ -218,7 +227,21 @@ def fit_equation(
         other = sought_from([None] * len(told), signed)
         if settled_within(other, layout):
             return other
-    return restarted(sought_from, structure, layout, records, learns) or fit
+    return begun_anew() or fit
+
+
+def _with_others(
+    records: tuple[Record, ...],
+    options: Options,
+    again: Callable[..., Any] | None,
+    levels: Sequence[float] | None,
+    less: Sequence[F64],
+    equations: Any,
+) -> EquationFit:
+    """The fit of other equations for the same channels to the same records."""
+    first = records[0]
+    layout = layout_of(equations, options, first.outputs, first.inputs, forms_of(records))
+    return _sought(records, equations, options, layout, again, levels, None, None, less=less)
 
 
 def _sought(

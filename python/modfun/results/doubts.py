@@ -15,6 +15,7 @@ from ..base.arrays import F64
 from ..base.cached import kept
 from ..base.names import listed
 from ..language.parser import Node
+from ..models.free import Free
 from ..records.check import bad_samples, mixed_angles, remarks_for_fits
 from ..records.record import Record
 from ..records.spectra import spectrum_of
@@ -100,10 +101,27 @@ def on_bound(fit: Estimates) -> Doubt | None:
         if all(name.startswith("delay") and fit[name] == 0 for name in on)
         else f"Widen it, or hold {them} there if that is known."
     )
+    ends = {name: bound_of(fit, name) for name in on}
+    given = [f"{name} at {end[0]}" if len(on) > 1 else f"at {end[0]}" for name, end in ends.items() if end]
+    if len(on) == 1 and (end := ends[on[0]]) and not end[1]:
+        cure = (
+            f"There the model has no value: try it without {on[0]}, or give a larger bound if one is known."
+        )
     return Doubt(
-        f"{', '.join(on)} ended on {which}: the data would have {them} elsewhere, and the other standard "
+        f"{', '.join(on)} ended on {which}: the data would have {them} elsewhere"
+        f"{' than ' + listed(given) if given else ''}, and the other standard "
         f"errors hold only if the bound is right. {cure}"
     )
+
+
+def bound_of(fit: Estimates, name: str) -> tuple[str, bool] | None:
+    """The bound given by the user on which a parameter ended, and whether the estimate has its value."""
+    told = dict(getattr(fit.structure, "params", ())).get(name)
+    if not isinstance(told, Free):
+        return None
+    low = abs(fit[name] - told.min) <= abs(fit[name] - told.max)
+    value = told.min if low else told.max
+    return f"{'min' if low else 'max'}={value:.6g}", bool(fit[name] == value)
 
 
 def still_held(fit: Estimates) -> list[str]:

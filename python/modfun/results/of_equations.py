@@ -120,6 +120,7 @@ class EquationFit(Fit):
             return (
                 "The samples cannot tell the parameters apart: hold one, or take a record that moves more or "
                 "longer. fit.structure.identifiable() says what no record could tell apart."
+                f"{self._without_starts()}"
             )
         if self.status == "maxiter" and self.nit < self.options.maxiter:
             return (
@@ -145,6 +146,16 @@ class EquationFit(Fit):
                 "value (log or sqrt of what noise makes negative, 1/0), or that are absurdly large."
             )
         return super().message
+
+    def _without_starts(self) -> str:
+        """That a search which needs starts had none for some parameters."""
+        words = self.layout.formulas.words
+        each = zip(self.param_names, words["starts"], strict=True)
+        free = [name for name, start in each if start is None]
+        if words["linear"] or not free:
+            return ""
+        given = ", ".join(f"{name!r}: mf.Free(...)" for name in free)
+        return f" If that names none, give starts, params={{{given}}}: without these the search may run away."
 
     def _without_bounds(self) -> str:
         """That parameters inside signals, as Ks in S/(Ks + S), had no bounds in a search that ran away."""

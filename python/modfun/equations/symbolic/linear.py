@@ -22,7 +22,7 @@ from .system import System
 
 __all__ = ["derivatives", "numbers", "polynomials", "system_of"]
 
-OFF = 0.001  # of the way from a bound without a value to the start: no record tells such a lag from none
+OFF = 1e-12  # of the way from a bound without a value to the start: a size that no record tells from none
 _NO_VALUE = (sympy.zoo, sympy.nan, sympy.oo, -sympy.oo)
 
 Params = Sequence[tuple[str, float | Free]]  # held at a number, or free within bounds
