@@ -223,9 +223,10 @@ def _own(given: Any, left: str, targets: tuple[str, ...], name: str) -> Any:
     if not isinstance(given, Mapping):
         return given
     if strangers := [key for key in given if key not in targets]:
+        keys = ", ".join(f'"{key}"' for key in given)
         raise SpecError(
             f"{WHAT}: {name}= has terms for {strangers[0]!r}, which is not a left side; these are "
-            f"{', '.join(targets)}"
+            f"{', '.join(targets)}. Give other left sides beside the mapping: target=[{keys}]"
         )
     if left not in given and name == "library":
         raise SpecError(f"{WHAT}: library= has no terms for {left!r}; add them")

@@ -193,6 +193,8 @@ class Lines:
         cost = float(white @ white)
         right = gram @ theta + slope
         constant = float(cost + theta @ gram @ theta + 2 * slope @ theta)
+        if not (np.isfinite(constant) and np.all(np.isfinite(right)) and np.all(np.isfinite(gram))):
+            return self._lost(theta.size)
         return Quadratic(cost, gram, right, constant), self.y - noise
 
     def _whitened(self, theta: F64, which: Any) -> tuple[F64, F64, F64, F64] | None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,9 +25,10 @@ from ..records.record import Record
 from ..results.fit import Fit
 from . import drawing_terms
 from .library import Library
+from .term_noise import Noted
 from .term_search import FALSE_ALARM, Searched, weights
 
-__all__ = ["TermSelection", "fit_terms", "selection", "sparse"]
+__all__ = ["End", "TermSelection", "chosen_fit", "fit_terms", "selection", "sparse"]
 
 LARGER = 3  # sizes beyond the chosen one that the path shows
 ALIKE = 6.0  # rise of the criterion at an exchange, under which two terms are not told apart
@@ -36,6 +37,15 @@ AVERAGED = 1e-6  # least weight of a subset in the averages
 # A step that is so much of the band's shortest period, and residuals so many times the noise, say that sums
 # over uneven samples err. With steps of a quarter of it they hardly do.
 SPARSE, GUESSED, FINE = 0.3, 3.0, 4
+CERTAIN, SMALL = 0.999, 1.5  # probability of a term, and |t| in a fit, that contradict each other
+
+
+class End(NamedTuple):
+    """Where a search ended, the noise levels of each record, and the edge of the common band, rad/s."""
+
+    searched: Searched
+    levels: Sequence[F64]
+    edge: float
 
 
 @public
@@ -180,15 +190,18 @@ def selection(
     records: tuple[Record, ...],
     tests: tuple[Record, ...],
     library: Library,
-    searched: Searched,
-    levels: Sequence[F64],
-    edge: float,
+    end: End,
     noise: str | Noise,
+    noted: Noted,
+    fit: Fit | None,
 ) -> TermSelection:
-    """The answer, made of the end of a search."""
+    """The answer, made of the end of a search; `fit`: that of the chosen equation, if it was made."""
     first = records[0]
+    searched, levels, edge = end
     equation = _equation(library, searched.chosen, first)
-    options = Options.checked("select_terms", band=(0.0, edge * (1 + 1e-9)), noise=noise)
+    options = _options(edge, noise)
+    if fit is None and searched.coloured:
+        fit = chosen_fit(records, library, end, noise)
     labels = library.labels()
     by_weight = weights(searched.subsets)
     masks = np.array([mask for mask, _ in searched.subsets])
@@ -213,7 +226,7 @@ def selection(
         for k, left in enumerate(library.targets)
     }
     sd = np.sqrt(np.mean([own**2 for own in levels], axis=0))
-    return TermSelection(
+    found = TermSelection(
         equation=equation,
         terms=terms,
         path=_path(records, tests, library, searched, options),
@@ -221,10 +234,28 @@ def selection(
         alike=_alike(labels, searched),
         band=(0.0, edge),
         noise_sd=dict(zip(first.outputs, map(float, sd), strict=True)),
-        notes=_notes(library, searched, noise, sparse(records, edge, searched)),
+        notes=_notes(library, searched, noise, sparse(records, edge, searched), noted)
+        + _unlike(inclusion, fit if searched.coloured else None),
         records=records,
         options=options,
     )
+    if fit is not None:
+        found.__dict__["fit"] = fit
+    return found
+
+
+def chosen_fit(records: tuple[Record, ...], library: Library, end: End, noise: str | Noise) -> Fit | None:
+    """The fit of the chosen equation; None where it has none."""
+    try:
+        return fit_terms(
+            records, _equation(library, end.searched.chosen, records[0]), _options(end.edge, noise)
+        )
+    except ModfunError:
+        return None
+
+
+def _options(edge: float, noise: str | Noise) -> Options:
+    return Options.checked("select_terms", band=(0.0, edge * (1 + 1e-9)), noise=noise)
 
 
 def _averages(searched: Searched, by_weight: F64) -> tuple[F64, F64]:
@@ -342,19 +373,53 @@ def sparse(records: Sequence[Record], edge: float, searched: Searched) -> str:
     )
 
 
-def _notes(library: Library, searched: Searched, noise: str | Noise, sampling: str) -> tuple[str, ...]:
+def _unlike(inclusion: Table, fit: Fit | None) -> tuple[str, ...]:
+    """Terms that are certain with lines weighted by residuals, and of no size by the fit's one level."""
+    if fit is None or not fit.usable:
+        return ()
+    chosen = [row for row in inclusion if row["chosen"]]
+    t = [abs(value / se) if se > 0 else SMALL for value, se in zip(fit.params, fit.bse, strict=True)]
+    small = [
+        f"{row['term']} ({size:.2g})"
+        for row, size in zip(chosen, t, strict=True)
+        if row["probability"] > CERTAIN and size < SMALL
+    ]
+    if not small:
+        return ()
+    return (
+        f"By found.fit, whose level of noise is one for all lines, these terms may be zero (|t|): "
+        f"{', '.join(small)}. Their probability near 1 rests on lines that leave far less than that level; "
+        "leave them out unless another record has them as well.",
+    )
+
+
+def _notes(
+    library: Library, searched: Searched, noise: str | Noise, sampling: str, noted: Noted
+) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
         f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of "
         f"at most {100 * FALSE_ALARM:g} %."
     ]
+    if noted.computed is not None:
+        v, x = noted.computed.derivative, noted.computed.source
+        notes = [
+            f"{noted.computed.in_words()} The criterion counts on noise of its own in {v}, and differences "
+            "err by more than noise: terms may be superfluous, with a probability near 1. Leave "
+            f"{v} out, and select the terms of {x} alone: target=\"{x}''\", with {x}' in place of {v} in the "
+            "library."
+        ]
+    if noted.uneven:
+        notes.append(noted.uneven)
     if sampling:
         notes.append(sampling)
     elif searched.coloured:
         signed = ", or a sign is wrong" if any(library.signs) else ""
         origin = "given" if isinstance(noise, Noise) else "seen in the high band"
         why = (
-            f"the noise is not white, or a term is missing from the library{signed}"
+            f"{noted.computed.derivative} is computed"
+            if noted.computed is not None
+            else f"the noise is not white, or a term is missing from the library{signed}"
             if searched.excess > 1
             else "the high band has signal, too, as with few samples per period; sample faster where you can"
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -22,9 +22,10 @@ from ..results.diagnosis import level_df
 from .common import widest
 from .library import Library, library_of
 from .moments import Lines, signal_edge
+from .term_noise import Noted, may_be_odd, noted_of
 from .term_records import unlike_terms
 from .term_search import Search
-from .term_selection import TermSelection, selection, sparse
+from .term_selection import End, TermSelection, chosen_fit, selection, sparse
 
 __all__ = ["select_terms"]
 
@@ -65,7 +66,8 @@ def select_terms(
     ----------
     data : Record or sequence of Record
         Every state that the terms name must be measured. Several records are one problem: the same
-        coefficients, end conditions of their own. Uneven samples need `noise` in numbers.
+        coefficients, end conditions of their own. The noise level of uneven samples is that beside
+        polynomials through their neighbours.
     library : str, Equation, StateSpace, sequence of these, or mapping of left sides to texts
         Candidates: terms, ``"y, y**2, sin(y), y*y', u, u*y, 1"``, and families, ``"polynomials of y, u up to
         3"`` (all monomials, with 1), separated by commas. Each must be a function of channels and time,
@@ -87,7 +89,9 @@ def select_terms(
         Records not used, which are simulated by fits of the subsets on the path.
     noise : "output" or Noise, default "output"
         White noise on the outputs, its levels read from the high band, or given: ``mf.Noise(y=[...])``.
-        Masked samples are bridged, and `sigma` of a record weighs the others, as in `fit`.
+        Masked samples are bridged, and `sigma` of a record weighs the others, as in `fit`. Where the fit of
+        the chosen terms shows that the level of even samples changes, as that of counts does, they are
+        weighted by it, and the search is made again; `notes` say so.
     progress : {"auto", True, False}
         "auto": progress on standard error if the search takes longer than two seconds.
 
@@ -100,7 +104,7 @@ def select_terms(
     SpecError
         A term outside the language or of no use, a name that is not a channel, an empty or too large library.
     DataError
-        Uneven samples without noise levels, long gaps, or a record too short for the library.
+        Long gaps, an output that never changes, or a record too short for the library.
     FitError
         No estimate: numbers without a value, or terms of `keep` that contradict `signs`.
 
@@ -125,37 +129,33 @@ def select_terms(
     """
     records = records_of(data, "select_terms")
     tests = () if test is None else records_of(test, "select_terms")
+    if isinstance(noise, str) and noise == "log-normal":
+        raise SpecError(
+            'select_terms: noise="log-normal" is for fits; select terms with noise="output", which weights '
+            "samples whose noise goes with their level, and fit the chosen equation, "
+            'mf.fit(rec, found.equation, noise="log-normal")'
+        )
     if not isinstance(noise, Noise) and noise != "output":
         raise SpecError(f'select_terms: noise={noise!r} must be "output" or mf.Noise(y=...)')
     found = library_of(library, target, keep, records, signs, hierarchy)
-    order = found.order
-    levels = [_levels(rec, noise, order) for rec in records]
-    outputs = [bridged(rec) for rec in records]
-    tops, edge = _band(records, [y for y, _, _ in outputs], levels, found)
-    lines = [
-        Lines(k, rec, y, found.columns, found.equation, _variances(rec, off, noise, sd, order), top, edge)
-        for k, (rec, (y, off, noise), sd, top) in enumerate(zip(records, outputs, levels, tops, strict=True))
-    ]
-    high = len(records[0].outputs) * level_df([rec.intervals for rec in records], order)
     steps = iter(range(1, 1000))
-    with Progress(progress, "select_terms") as bar, np.errstate(all="ignore"):  # candidates may overflow
+    with Progress(progress, "select_terms") as bar:
 
         def tick() -> None:
             step = next(steps)
             bar(step, max(SEARCHES, step + 1))
 
-        given = isinstance(noise, Noise)
-        search = Search(lines, found.kept, found.degrees, found.signs, found.needs, high, given, tick)
-        searched = search.run()
-    if not np.isfinite(searched.estimate.cost):
-        raise FitError(
-            "select_terms: no subset of the library has a finite likelihood; scale the channels, or leave "
-            "out terms that grow fast"
-        )
-    if text := sparse(records, edge, searched):
+        chosen = _search(records, found, noise, tick)
+        noted, fit = Noted(), None
+        if may_be_odd(records):
+            fit = chosen_fit(records, found, chosen, noise)
+            noted = noted_of(records, fit)
+            if noted.records:
+                records, fit = noted.records, None
+                chosen = _search(records, found, noise, tick)
+    if text := sparse(records, chosen.edge, chosen.searched):
         warnings.warn(f"select_terms: {text}", ModfunWarning, stacklevel=3)
-    made = selection(records, tests, found, searched, levels, edge, noise)
-
+    made = selection(records, tests, found, chosen, noise, noted, fit)
     alone = partial(
         select_terms,
         library=library,
@@ -166,11 +166,33 @@ def select_terms(
         noise=noise,
         progress=False,
     )
-    told = unlike_terms(records, searched.excess, alone)
+    told = unlike_terms(records, chosen.searched.excess, alone)
     return replace(made, notes=(*made.notes, told)) if told else made
 
 
 # The problem ----------------------------------------------------------------------------------------
+
+
+def _search(records: tuple[Record, ...], found: Library, noise: str | Noise, tick: Callable[[], None]) -> End:
+    """The best subset of a library on the common band of records."""
+    order = found.order
+    levels = [_levels(rec, noise, order) for rec in records]
+    outputs = [bridged(rec) for rec in records]
+    tops, edge = _band(records, [y for y, _, _ in outputs], levels, found)
+    lines = [
+        Lines(k, rec, y, found.columns, found.equation, _variances(rec, off, noise, sd, order), top, edge)
+        for k, (rec, (y, off, noise), sd, top) in enumerate(zip(records, outputs, levels, tops, strict=True))
+    ]
+    high = len(records[0].outputs) * level_df([rec.intervals for rec in records], order)
+    given = isinstance(noise, Noise)
+    with np.errstate(all="ignore"):  # candidates may overflow
+        searched = Search(lines, found.kept, found.degrees, found.signs, found.needs, high, given, tick).run()
+    if not np.isfinite(searched.estimate.cost):
+        raise FitError(
+            "select_terms: no subset of the library has a finite likelihood; scale the channels, or leave "
+            "out terms that grow fast"
+        )
+    return End(searched, levels, edge)
 
 
 def _levels(rec: Record, noise: str | Noise, order: int) -> F64:

@@ -16,6 +16,7 @@ from ..records.steady import QUIET, standing
 from .actuators import limited_input, unlike_command
 from .band_end import beyond
 from .coloured_load import coloured_load
+from .computed_channels import computed_channel
 from .cures import DRIFT, ENOUGH, again, convincing, furthest
 from .dead_bands import stands_still, stored_late
 from .degrees import in_degrees
@@ -475,6 +476,7 @@ def check(fit: Estimates, line: str) -> Findings:
             biased(fit),
             lopsided(fit),
             minima(fit),
+            computed_channel(whole),
             few_samples(fit),
             in_hertz(fit),
             beyond(fit),

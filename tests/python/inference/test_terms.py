@@ -256,13 +256,16 @@ def test_samples_of_unlike_noise_are_weighed():
     sigma = np.where(np.arange(1025) < 500, 1.0, 6.0)
     y = clean.y + 0.03 * sigma * rng.standard_normal(1025)
     library = "1, y, y**2, y**3, y', u"
-    weighed, plain = (
+    weighed, plain, alone = (
         mf.select_terms(mf.Record(y, u=clean.u, dt=clean.dt, sigma=one), library, target="y''")
-        for one in (sigma, None)
+        for one in (sigma, np.ones(1025), None)
     )
     assert set(weighed.terms["y''"]) == {"y", "y**3", "y'", "u"}
-    rows = [one.inclusion["se"][1] for one in (weighed, plain)]
+    rows = [one.inclusion["se"][1] for one in (weighed, plain, alone)]
     assert rows[0] < 0.6 * rows[1]
+    # Where nobody gave levels, the search sees them.
+    assert rows[2] == pytest.approx(rows[0], rel=0.3)
+    assert "its level in time varies" in alone.summary()
 
 
 @pytest.mark.statistics

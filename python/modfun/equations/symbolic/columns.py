@@ -154,7 +154,8 @@ def read_term(text: str, outputs: tuple[str, ...], inputs: tuple[str, ...], what
             (),
             (),
             f"{what}: the term {text!r} cannot be used: {said(fault.term)} is not a derivative of a signal; "
-            "leave it out, or measure the derivative as a channel of its own",
+            "leave it out, or measure the derivative by a sensor of its own; one that is computed from the "
+            "signal, as by np.gradient, has its noise and makes terms wrong",
         )
     terms = []
     for piece in found:
