@@ -83,6 +83,7 @@ from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
 from .unrecorded_inputs import unforced, unrecorded_input
 from .unseen_events import unseen_event
+from .unused_outputs import unused_output
 
 __all__ = ["check", "doubts_in_line", "remarks", "warnings_of"]
 
@@ -327,10 +328,10 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output, limited_input,
     bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
-    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
-    misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated, not_linear,
-    unexplained, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition, noise_mode,
-    uncertain_poles, wandering, twin,
+    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, late_channel, bent,
+    swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated,
+    not_linear, unexplained, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition,
+    noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.
@@ -444,6 +445,7 @@ def check(fit: Estimates, line: str) -> Findings:
             in_other_units,
             contradicted_numbers,
             missing_input,
+            unused_output,
             unrecorded_input,
             late_channel,
             bent,
