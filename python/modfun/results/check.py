@@ -59,6 +59,7 @@ from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
 from .misfit import UNLIKELY, bends_in_loop, misfit, of_colour, of_drift, of_residuals, of_tone, reference
+from .missing_states import missing_states
 from .multiplied import misweighted, multiplied
 from .next_structures import best_cure
 from .noise_modes import noise_mode
@@ -330,8 +331,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, late_channel, bent,
     swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated,
-    not_linear, unexplained, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition,
-    noise_mode, uncertain_poles, wandering, twin,
+    not_linear, unexplained, missing_states, one_cause, flips, other_signs, other_minimum, unsettled,
+    unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.
@@ -457,6 +458,7 @@ def check(fit: Estimates, line: str) -> Findings:
             driven_loop,
             eliminated,
             not_linear,
+            missing_states,
         )
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []

@@ -73,3 +73,24 @@ def test_unused_motions_are_no_cause_of_noise_or_gusts(kind):
         assert all("seems to drive the equations" in str(one.message) for one in said)
         assert len(said) == (kind == "gust")
         assert "The record has" not in str(fit.check())
+
+
+@pytest.mark.parametrize("seed", [0, 1, 4])
+def test_states_that_equations_lack_are_told_from_more_poles(seed):
+    """The same without the motions in the record; nothing next to the equations explains what is left."""
+    rec = lateral(seed).select(outputs=["beta", "r"])
+    with pytest.warns(mf.ModfunWarning, match="a linear system of 4 poles from da and dr leaves the noise"):
+        fit = mf.fit(rec, TWO)
+    text = next(iter(fit.check()))
+    assert "they lack a state" in text
+    assert "mf.TransferFunction(poles=4, zeros=3, denominator='common')" in text
+
+
+@pytest.mark.parametrize("kind", ["white", "slow", "gust"])
+def test_noise_and_gusts_are_no_states(kind):
+    """Fixed seeds; noise is left by any number of poles."""
+    for seed in range(4):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", mf.ModfunWarning)
+            fit = mf.fit(pitching(seed, kind).select(outputs=["alpha", "q"]), SHORT)
+        assert "lack a state" not in str(fit.check())
