@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
@@ -11,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from .._core import __version__
+from ..base.tables import Table
 from ..errors import DataError, SpecError
 from ..fitting import fit as estimation
 from ..pages.page import check_place
@@ -90,7 +92,7 @@ def sample(file: Annotated[Path, typer.Argument(help="Where to, .csv.")] = Path(
         aircraft, input=steps.then(doublet), nsr=0.05, initial_state=moving, outputs="q", seed=7
     )
     run.assign(q=run["q"] + 0.5).to_csv(file)
-    say(f"wrote {file}; next: modfun check {file}")
+    say(f"wrote {file}; next: modfun check {file} --output q --input de")
 
 
 @app.command("columns")
@@ -125,9 +127,17 @@ def check(
             if json_to != "-":
                 print("".join(f"\n{rec}\n{rec.check()}\n" for rec in found), end="")
         elif json_to != "-":
-            print("give --output (and --input) to check a record")
+            print(_next(file, table))
         answers.append(answer)
     write_json(json_to, answers)
+
+
+def _next(file: Path, table: Table) -> str:
+    """How to check the record in a file of these columns."""
+    notes = zip(table["column"].tolist(), table["note"].tolist(), strict=True)
+    named = [shlex.quote(str(name)) for name, note in notes if not str(note).startswith("time")]
+    words = " ".join(f"{word} {name}" for word, name in zip(("--output", "--input"), named, strict=False))
+    return f"next, with your outputs and inputs: modfun check {shlex.quote(str(file))} {words}"
 
 
 @app.command()

@@ -64,7 +64,9 @@ def fit_quietly(
         enough = equations_on_more_lines(enough, fit_equation)
         made = signed(enough if unfolded else equations_closely(enough, fit_equation))
         made = by_samples(made)
-        return made if {*records[0].inputs} <= {*made.inputs} else replace(made, unnamed=records)
+        first = records[0]
+        named = {*first.inputs, *first.outputs} <= {*made.inputs, *made.outputs}
+        return made if named else replace(made, unnamed=records)
     if any([rec.functions for rec in records]):
         return fit_known_inputs(records, structure, options, fit_quietly)
     begun = None if starts is None else np.array(starts, float)

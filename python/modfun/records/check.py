@@ -11,8 +11,9 @@ from ..base.arrays import F64
 from ..base.between import CLOSE, LOOP, form_of
 from ..base.samples import rounded_step
 from ..base.tables import Findings
-from ..base.units import TIMES, angle_of, counted_in
+from ..base.units import TIMES, counted_in
 from .codes import codes_of
+from .conversion import mixed_angles, mixed_inputs
 from .dead_band import FROZEN, dead_band, dropouts, frozen, off_line, rounded_top
 from .joints import joints
 from .mask import leaving_out, runs
@@ -26,7 +27,6 @@ __all__ = [
     "check_record",
     "dropped_samples",
     "frozen_samples",
-    "mixed_angles",
     "remarks_for_fits",
 ]
 
@@ -55,6 +55,7 @@ def check_record(record: Samples) -> Findings:
         if name in record.outputs:
             sentences += _trend(record, name)
     sentences += [*_joined(record), *_noise(record), *_alike(record), *mixed_angles(record)]
+    sentences += [text for _, text in mixed_inputs(record)]
     size = f"{len(record.t)} samples of {', '.join((*record.outputs, *record.inputs))}"
     return Findings(f"Record, {size}", sentences)
 
@@ -63,6 +64,7 @@ def remarks_for_fits(record: Samples) -> Iterator[tuple[str, str, str]]:
     """What bears on any fit of the record and its residuals may not show: kind, channel, sentence."""
     yield from (("rows", "", text) for text in _missing(record))
     yield from (("joint", "", text) for text in _joined(record))
+    yield from (("angle", name, text) for name, text in mixed_inputs(record))
     for name in (*record.outputs, *record.inputs):
         if np.ptp(record[name]) == 0:
             continue
@@ -476,17 +478,6 @@ def _alike(record: Samples) -> Iterator[str]:
                     f"Inputs {one!r} and {other!r} move together (correlation {r:.3f}): their effects can "
                     "hardly be told apart."
                 )
-
-
-def mixed_angles(record: Samples) -> Iterator[str]:
-    """Say that outputs have angles in two units, which no equation between them can do without a factor."""
-    first = {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}
-    if first.keys() >= {"deg", "rad"}:
-        deg, rad = first["deg"], first["rad"]
-        yield (
-            f"Output {deg!r} is in {record.units[deg]} and {rad!r} in {record.units[rad]}: equations between "
-            "them need one unit of angle; rec.convert changes it."
-        )
 
 
 def _kind(record: Samples, name: str) -> str:

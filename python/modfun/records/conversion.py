@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TypeVar
 
 from ..base.names import nearest
-from ..base.units import any_scale, scale
+from ..base.units import angle_of, any_scale, scale
 from ..errors import SpecError
 from .samples import Samples
 
-__all__ = ["agreeing", "converted"]
+__all__ = ["agreeing", "converted", "mixed_angles", "mixed_inputs"]
 
 Own = TypeVar("Own", bound=Samples)
 
@@ -58,3 +58,35 @@ def agreeing(what: str, rec: Own, units: Mapping[str, str], whose: str) -> Own:
                 f"{what}: the record has {name} in {own}, {whose} in {other}; take rec.convert({cure})"
             )
     return rec
+
+
+def mixed_angles(record: Samples) -> Iterator[str]:
+    """Say that outputs have angles in two units, which no equation between them can do without a factor."""
+    first = {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}
+    if first.keys() >= {"deg", "rad"}:
+        deg, rad = first["deg"], first["rad"]
+        yield (
+            f"Output {deg!r} is in {record.units[deg]} and {rad!r} in {record.units[rad]}: equations between "
+            "them need one unit of angle; rec.convert changes it."
+        )
+
+
+def mixed_inputs(record: Samples) -> Iterator[tuple[str, str]]:
+    """Inputs whose angles have another unit than those of all outputs, with what that does to derivatives.
+
+    No residual shows it: an input in another unit changes its own derivatives alone.
+    """
+    first = {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}
+    if len(first.keys() & {"deg", "rad"}) != 1:
+        return  # not known, or outputs are in two units, which is said before
+    (own,) = first.keys() & {"deg", "rad"}
+    for name in record.inputs:
+        other = angle_of(record.units.get(name, ""))
+        if other in ("deg", "rad") and other != own:
+            output, size = first[own], "smaller" if other == "deg" else "larger"
+            yield (
+                name,
+                f"Input {name!r} is in {record.units[name]} and output {output!r} in {record.units[output]}: "
+                f"what {name!r} does to angles comes out 57.3 times {size} than with one unit of angle; "
+                "rec.convert changes it.",
+            )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -12,7 +12,7 @@ from ..base.arrays import C128, F64
 from ..records.record import Record
 from ..results.innovations import innovations, regressed
 
-__all__ = ["noise_alone"]
+__all__ = ["left_of_inputs", "noise_alone"]
 
 Piece = tuple[float, C128, C128]  # line spacing, coefficients of the outputs and of the inputs
 
@@ -40,12 +40,12 @@ def noise_alone(
     `chosen`: half-widths; `half`: the same in lines of a piece; `degree`: of what ends may add.
     """
     names = records[0].inputs
-    ends = _absorbed(pieces, list(range(len(names))), omega, chosen, degree, half)
+    ends = left_of_inputs(pieces, range(len(names)), omega, chosen, degree, half) < LEFT
     if not np.any(ends):
-        return ends, ()
+        return np.any(ends, axis=0), ()
     loop = {name for rec in records for name in _led(rec)}
     own = [j for j, name in enumerate(names) if name in loop]
-    ends = _absorbed(pieces, own, omega, chosen, degree, half)
+    ends = np.any(ends[own], axis=0)
     if not np.any(ends):
         return ends, ()
     return ends, (
@@ -85,20 +85,19 @@ def _follows(u: F64, e: F64) -> bool:
     return float(fdtrc(len(late), freedom, (alone - both) / len(late) / (both / freedom))) < CERTAIN
 
 
-def _absorbed(
+def left_of_inputs(
     pieces: list[Piece],
-    inputs: list[int],
+    inputs: Sequence[int],
     omega: F64,
     chosen: NDArray[np.int64],
     degree: int,
     half: Callable[[Piece, int], int],
-) -> NDArray[np.bool_]:
-    """Frequencies at which polynomials explain an input on the lines around, as they do unknown ends.
+) -> F64:
+    """Share of each input's power, (input, omega), that polynomials leave of it on the lines around.
 
-    Then its own power is small beside what it may hold of noise. `degree`: of the polynomials together with
-    those that multiply the output.
+    They explain unknown ends, too. `degree`: of the polynomials together with those that multiply the output.
     """
-    found = np.zeros(omega.size, dtype=bool)
+    share = np.ones((len(inputs), omega.size))
     for width in np.unique(chosen):
         own = np.flatnonzero(chosen == width)
         left, whole = np.zeros((2, len(inputs), own.size))
@@ -107,11 +106,11 @@ def _absorbed(
             if not degree + 1 < size < piece[2].shape[1]:
                 continue
             start = np.rint(omega[own] / piece[0]).astype(int) - size // 2
-            lines = sliding_window_view(piece[2][inputs], size, axis=1)
+            lines = sliding_window_view(piece[2][list(inputs)], size, axis=1)
             lines = lines[:, np.clip(start, 1, lines.shape[1] - 1)]
             basis, _ = np.linalg.qr(np.polynomial.legendre.legvander(np.linspace(-1, 1, size), degree))
             rest = lines - (lines @ basis) @ basis.T
             left += np.sum(np.abs(rest) ** 2, axis=2) / (size - degree - 1)
             whole += np.sum(np.abs(lines) ** 2, axis=2) / size
-        found[own] = np.any(left < LEFT * whole, axis=0)
-    return found
+        share[:, own] = np.divide(left, whole, out=share[:, own], where=whole > 0)
+    return share

@@ -17,12 +17,12 @@ from ..base.samples import band_edges
 from ..errors import DataError, ModfunWarning, SpecError
 from ..models.options import MOST, MOST_THREADS, Options
 from ..records.corners import driving
-from ..records.periods import periods
 from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from .coefficients import spectrum
+from .coherence import agreeing, spoiled
 from .fed_back import noise_alone
-from .periodic import from_periods
+from .periodic import from_periods, repeated
 from .undeclared import as_fits_prefer, doubts_of
 
 __all__ = ["frf"]
@@ -123,7 +123,7 @@ def frf(
     Warns
     -----
     ModfunWarning
-        Where an input has no power of its own, or in a loop none but at the ends of a record; where nothing
+        Where an input has no power of its own, or moves at the ends of a record only; where nothing
         tells whether an input was held, and the gains would be others by more than their circles.
 
     See Also
@@ -195,7 +195,9 @@ def frf(
         found = shape.estimates(chosen, where, threads, shown)
     ends, loop = noise_alone(records, pieces, where, chosen, shape.ends, shape.half)
     made = _response(records[0], where, found, chosen, shape, varying, units, ends)
-    return _said(made, records, left, (*loop, *_of_periods(method, records)))
+    # A loop asks for rest already.
+    near = loop or spoiled(records, pieces, made, found["coherence"].T, shape.ends, shape.half)
+    return _said(made, records, left, (*near, *repeated(method, records)))
 
 
 class _Neighbourhood:
@@ -226,6 +228,10 @@ class _Neighbourhood:
     def equations(self, halfwidth: int) -> int:
         """Lines around a frequency less transient terms, over all pieces."""
         return sum(2 * self.half(p, halfwidth) + 1 - self.terms for p in self.pieces)
+
+    def lines(self, chosen: NDArray[np.int64]) -> F64:
+        """Lines around each frequency, over all pieces."""
+        return np.array([sum(2.0 * self.half(p, int(h)) + 1 for p in self.pieces) for h in chosen])
 
     def widths(self) -> list[int]:
         """Half-widths to choose from, narrowest first."""
@@ -315,6 +321,8 @@ def _response(
         cov = found["cov"].reshape(-1, outputs, inputs, outputs, inputs) * square
         noise = found["noise"].reshape(-1, outputs, outputs) * np.outer(units[0], units[0])
     unknown = np.any(np.isnan(gains), axis=(0, 1))
+    lines = shape.lines(chosen) / shape.copies
+    coherence = agreeing(found["coherence"].T, gains, cov, lines, shape.degree)
     cov[unknown] = np.nan
     if np.any(unknown):
         warnings.warn(
@@ -342,24 +350,13 @@ def _response(
         cov=cov[:, :, :real, :, :real].reshape(-1, paths, paths),
         noise_cov=noise,
         degrees=found["freedom"][:, 0] / shape.copies,
-        coherence=found["coherence"].T,
+        coherence=coherence,
         halfwidth=chosen,
         reach=shape.reach(chosen),
         outputs=record.outputs,
         inputs=record.inputs,
         source=words,
         **change,
-    )
-
-
-def _of_periods(method: str, records: list[Record]) -> tuple[str, ...]:
-    """That polynomials see few of the lines that repeated inputs have."""
-    most = max(periods(rec) for rec in records) if method == "lpm" else 1
-    if most == 1:
-        return ()
-    return (
-        f"The inputs repeat {most} times, so that one line in {most} has a signal, and polynomials miss "
-        'resonances between lines so far apart. First try method="periodic", or "lrm".',
     )
 
 

@@ -14,7 +14,7 @@ from ..records.record import Record
 from ..systems.frequency_response import FrequencyResponse
 from .coefficients import spectrum
 
-__all__ = ["from_periods"]
+__all__ = ["from_periods", "repeated"]
 
 EXCITED = 1e-6  # power of a line over the largest of its input
 NEIGHBOURS = 4  # lines left out, at most, that tell the distortion of one that is not
@@ -169,3 +169,14 @@ def _left_out(one: _Realisation, used: NDArray[np.int64]) -> F64 | None:
     near = np.argsort(np.abs(silent - used[:, None]), axis=1)[:, :NEIGHBOURS]
     level = np.maximum(own[:, near].mean(axis=2), 0.0)
     return np.asarray(np.sqrt(level)[:, None] / np.abs(one.u[:, 0, used]))
+
+
+def repeated(method: str, records: list[Record]) -> tuple[str, ...]:
+    """That polynomials see few of the lines that repeated inputs have."""
+    most = max(periods(rec) for rec in records) if method == "lpm" else 1
+    if most == 1:
+        return ()
+    return (
+        f"The inputs repeat {most} times, so that one line in {most} has a signal, and polynomials miss "
+        'resonances between lines so far apart. First try method="periodic", or "lrm".',
+    )

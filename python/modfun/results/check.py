@@ -60,6 +60,7 @@ from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
 from .misfit import UNLIKELY, bends_in_loop, misfit, of_colour, of_drift, of_residuals, of_tone, reference
+from .missing_states import missing_states
 from .multiplied import misweighted, multiplied
 from .next_structures import best_cure
 from .noise_modes import noise_mode
@@ -84,6 +85,7 @@ from .unlike_records import unlike_alone, unlike_records
 from .unnamed_inputs import missing_input
 from .unrecorded_inputs import unforced, unrecorded_input
 from .unseen_events import unseen_event
+from .unused_outputs import unused_output
 
 __all__ = ["check", "doubts_in_line", "remarks", "warnings_of"]
 
@@ -328,10 +330,10 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output, limited_input,
     bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
-    in_other_units, contradicted_numbers, missing_input, unrecorded_input, late_channel, bent, swapped,
-    misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated, not_linear,
-    unexplained, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition, noise_mode,
-    uncertain_poles, wandering, twin,
+    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, late_channel, bent,
+    swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated,
+    not_linear, unexplained, missing_states, one_cause, flips, other_signs, other_minimum, unsettled,
+    unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.
@@ -445,6 +447,7 @@ def check(fit: Estimates, line: str) -> Findings:
             in_other_units,
             contradicted_numbers,
             missing_input,
+            unused_output,
             unrecorded_input,
             late_channel,
             bent,
@@ -456,6 +459,7 @@ def check(fit: Estimates, line: str) -> Findings:
             driven_loop,
             eliminated,
             not_linear,
+            missing_states,
         )
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []

@@ -16,7 +16,8 @@ from ..base.cached import kept
 from ..base.names import listed
 from ..language.parser import Node
 from ..models.free import Free
-from ..records.check import bad_samples, mixed_angles, remarks_for_fits
+from ..records.check import bad_samples, remarks_for_fits
+from ..records.conversion import mixed_angles
 from ..records.record import Record
 from ..records.spectra import spectrum_of
 from .cures import amplified

@@ -55,7 +55,7 @@ class EquationFit(Fit):
     other_minimum : (p,) array or None
         Parameters at another minimum of the response that is about as likely; else None.
     unnamed : tuple of Record
-        The records where they have inputs that the equations do not name; else none.
+        The records where they have channels that the equations do not name; else none.
     unfolded : tuple of Record
         The records without what sampling folds into the lines under held inputs, where that was taken out.
     less : tuple of (equation, time) array

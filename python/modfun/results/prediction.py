@@ -38,6 +38,7 @@ __all__ = [
 ]
 
 TINY = float(np.finfo(float).tiny)
+LOST = 1e16  # times an output: of a response as large, doubles have no digit left for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,10 +180,12 @@ def simulate_system(system: LTI, trend: str | None, rec: Record) -> F64:
 
 
 def _refuse_overflow(simulated: F64, rec: Record) -> None:
-    if not np.all(np.isfinite(simulated)):
+    """Refuse responses that are no numbers, or of which an output is less than the rounding."""
+    size = np.max(np.abs(rec.y), axis=1, keepdims=True)
+    if not np.all(np.abs(simulated) < np.where(size > 0, LOST * size, LARGEST)):
         raise DataError(
-            f"simulating the fit: the output overflows within {rec.duration:g} s, the model is unstable; "
-            "predict a shorter piece with rec.window(start, stop)"
+            f"simulating the fit: the output overflows or leaves all bounds within {rec.duration:g} s, the "
+            "model is unstable; predict a shorter piece with rec.window(start, stop)"
         )
 
 

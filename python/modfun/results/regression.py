@@ -15,6 +15,7 @@ from ..systems.polynomials import companion, time_unit
 
 __all__ = ["Regression", "free_response", "regress", "rms", "trend_columns"]
 
+BOUNDLESS = 1e100  # growth of a free response, beyond which squares overflow
 MADE = 1e-13  # of its size: what of a column is left that those before it do not have, and is rounding
 
 
@@ -83,7 +84,7 @@ def regress(y: F64, columns: F64, weight: F64) -> Regression:
     k = columns.shape[0]
     if k == 0:
         return Regression(np.zeros(0), np.zeros((0, 0)), np.zeros_like(y))
-    if not np.all(np.isfinite(columns)):
+    if not np.all(np.abs(columns) < BOUNDLESS):
         raise DataError(
             "The free response of the model overflows within this record: a mode is too unstable for a "
             f"simulation over all {y.size} samples; predict a shorter piece with rec.window(start, stop)."

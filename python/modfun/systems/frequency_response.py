@@ -45,7 +45,7 @@ class FrequencyResponse:
     degrees : array_like, shape (omega,), optional
         Complex degrees of freedom of the covariances; one number stands for all.
     coherence : array_like, shape (output, omega), optional
-        Share of the power of each output that the inputs explain.
+        Share of the power of each output that the inputs explain; that of `modfun.frf` agrees with `bse`.
     halfwidth : array_like of int, shape (omega,), optional
         Lines on each side that each gain was made of.
     reach : array_like, shape (omega,), optional

@@ -316,7 +316,7 @@ def test_check_shows_columns_and_findings(table, capsys):
     assert main(["check", str(table)]) == 0
     out = capsys.readouterr().out
     assert "de" in out
-    assert out.endswith("give --output (and --input) to check a record\n")
+    assert out.endswith(f"modfun check {table} --output q --input de\n")
 
 
 BAD = {

@@ -61,6 +61,16 @@ def test_models_that_run_away_have_rows_without_scores(fits):
         mf.compare([fits[1]], mf.Record(y=record(0).y, u=record(0).u, dt=0.04, outputs="q"))
 
 
+@pytest.mark.parametrize("pole", [12.0, 60.0])
+def test_responses_beyond_all_outputs_have_no_scores(fits, pole):
+    """They are finite: fit_percent was -4e272, with warnings of NumPy's about squares that overflow."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        table = mf.compare({"two": fits[1], "wild": mf.tf([1], [1, 2 - pole, -2 * pole])})
+    assert table.title == "Too unstable to be simulated over 10 s: 'wild'."
+    assert np.isnan(table["fit_percent"][1])
+
+
 def test_the_criteria_of_a_fit_name_the_comparison(fits):
     """Fits of one and two poles have bands of their own, so that their own BIC do not compare."""
     one, two = fits

@@ -85,6 +85,20 @@ def test_check_angles_of_outputs_in_two_units():
     assert not any("unit of angle" in sentence for sentence in rec.convert(q="deg/s").check())
 
 
+@pytest.mark.parametrize(("unit", "size"), [("deg", "smaller"), ("rad", "larger")])
+def test_check_angles_of_an_input_in_another_unit_than_outputs(unit, size):
+    """Derivatives were 57.3 times too small, which no residual shows."""
+    units = {"alpha": "rad", "q": "rad/s"} if unit == "deg" else {"alpha": "deg", "q": "deg/s"}
+    rec = Record(y=[Y, Y], u=U, dt=0.02, outputs=["alpha", "q"], inputs=["de"], units=units | {"de": unit})
+    assert f"Input 'de' is in {unit}" in list(rec.check())[-1]
+    assert f"57.3 times {size}" in list(rec.check())[-1]
+    one = rec.convert(de="rad" if unit == "deg" else "deg")
+    assert not any("57.3" in sentence for sentence in one.check())
+    assert not any(
+        "57.3" in sentence for sentence in rec.select(outputs=["q"]).assign(units={"q": "m"}).check()
+    )
+
+
 def test_check_steps_that_may_be_milliseconds():
     sentence = (
         "Steps of 20 are taken as seconds; if they are milliseconds, give dt=0.02, or the times in seconds."

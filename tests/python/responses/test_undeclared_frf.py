@@ -47,7 +47,7 @@ def test_circles_hold_the_truth_of_inputs_that_were_held(kind):
     """
     inside = []
     for seed in range(6):
-        found = mf.frf(record(kind, seed, held=True), band=8.0)
+        found = gains(record(kind, seed, held=True))
         assert found.between == ("zoh (by the fit)",)
         truth = TRUTH.frequency_response(found.omega).response
         inside.append(np.abs(found.response - truth) < found.radius())
@@ -58,9 +58,16 @@ def test_circles_hold_the_truth_of_inputs_that_were_held(kind):
 def test_motions_stay_smooth(kind):
     """Fixed seeds; of 180 such records of three systems, none was read as held."""
     for seed in range(6):
-        found = mf.frf(record(kind, seed, held=False), band=8.0)
+        found = gains(record(kind, seed, held=False))
         assert found.between == ("smooth (by the fit)",)
-        assert not found.notes
+        assert not any("Nobody declared" in note for note in found.notes)
+
+
+def gains(rec):
+    """Of a record without rest before a chirp, which costs some gains, as a warning says."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "frf: .* let the record rest", mf.ModfunWarning)
+        return mf.frf(rec, band=8.0)
 
 
 def test_what_nothing_tells_is_said_and_kept():
