@@ -168,6 +168,9 @@ class Fit(Drawn):
         model in a hundred (neighbouring lines: up to two), and all together to about one in twenty.
         Besides: a pole with a real part above 0; fewer than 8 samples per period; a condition number above
         10^6; two minima; a parameter on its bound; what `Record.check` finds in missing rows and the inputs.
+
+        The note below them, no doubt, says how far one sample of a channel's time would move the estimates of
+        linear equations, where that is more than 5 standard errors and the record leaves that time open.
         """
         return self._findings
 
