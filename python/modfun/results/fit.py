@@ -164,7 +164,7 @@ class Fit(Drawn):
         band. Further columns are tested one by one, at 0.01 over their number: a response to an input that
         the model lacks (neighbouring structures are fitted then, to name the one that lowers BIC most),
         powers of the simulated output, a system that changes, a drift, an event at one time; in linear
-        equations a channel late or early. With white noise each of these tests objects to about one right
+        equations a channel late or early (0.02). With white noise each of these tests objects to about one right
         model in a hundred (neighbouring lines: up to two), and all together to about one in twenty.
         Besides: a pole with a real part above 0; fewer than 8 samples per period; a condition number above
         10^6; two minima; a parameter on its bound; what `Record.check` finds in missing rows and the inputs.

@@ -12,9 +12,10 @@ from ..base.student import student_p
 from .estimates import Estimates
 from .linear_lines import Linear, columns_of, linear_of, straight, testable, with_levers
 
-__all__ = ["Lever", "Moved", "Shift", "each_moved", "likeliest_lever", "likeliest_shift"]
+__all__ = ["SEEN", "Lever", "Moved", "Shift", "each_moved", "likeliest_lever", "likeliest_shift"]
 
-ASKED = 0.01  # p-value in white noise below which the noise's colour is looked at
+SEEN = 0.02  # p-value below which a shift is told, where it explains more than its parameter costs
+ASKED = 0.02  # p-value in white noise below which the noise's colour is looked at
 BESIDE = 4  # lines on either side over which the power of residuals is smoothed
 TOLD = 1e-6  # part of a column's square that parameters leave of it, below which no record tells the change
 ROUNDING = 1e-13
