@@ -26,7 +26,10 @@ def uncounted_time(fit: Estimates) -> str:
     """
     if fit.layout.priors or noise_free(fit) is not None:
         return ""
-    step, moved = longest_step(fit), each_moved(fit)
+    moved = each_moved(fit)
+    if not moved:
+        return ""
+    step = longest_step(fit)
     if len(fit.outputs) == len(fit.inputs) == 1:
         moved = moved[1:]  # the output's time is the input's
     left = [(one, _sizes(fit, one)) for one in moved if step - abs(one.late) < RULED_OUT * one.error]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from flights import SHORT, flown
 from modfun.results.shifts import each_moved
-from scipy.signal import lsim
+from scipy.signal import butter, lfilter, lsim
 
 STEP, GRAVITY = 0.02, 9.80665 / 77
 NUMBERS = {
@@ -63,8 +63,8 @@ def off(fit, values, errors):
 
 @pytest.mark.parametrize("late", [0, 1])
 def test_a_sample_of_the_vane_is_said_to_move_the_derivatives(late):
-    """Of 6 records each: the vane alone is named, by the note or by the doubt of its time."""
-    for seed in range(6):
+    """Of 4 records each: the vane alone is named, by the note or by the doubt of its time."""
+    for seed in range(4):
         fit = fitted(lateral(seed, late), LATERAL)
         found = fit.check()
         said = [text for text in found if "beta" in text]
@@ -81,8 +81,8 @@ def test_a_sample_of_the_vane_is_said_to_move_the_derivatives(late):
 
 @pytest.mark.parametrize("late", [0, 1])
 def test_with_the_time_as_an_unknown_the_derivatives_are_right(late):
-    """Late by one sample they are more than 12 standard errors off, and less than 3.5 so; 6 records each."""
-    for seed in range(6):
+    """Late by one sample they are more than 12 standard errors off, and less than 3.5 so; 4 records each."""
+    for seed in range(4):
         fit = fitted(lateral(seed, late), LATERAL)
         beta = next(one for one in each_moved(fit) if one.channel == "beta")
         values = fit.params + beta.slopes * beta.late
@@ -113,3 +113,34 @@ def test_nothing_is_said_beside_a_prior():
     """Which holds the estimates, so that a shift moves them less."""
     held = LATERAL._like(params={"Yb": mf.Free(-0.16, sd=0.01)})
     assert "one sample" not in fitted(lateral(0), held).check().note
+
+
+def warned_of(rec, model):
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", mf.ModfunWarning)
+        fit = mf.fit(rec, model)
+    return fit, " ".join(str(one.message) for one in caught)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_filtered_outputs_ask_for_one_delay_of_all_inputs(seed):
+    """A filter of 5 Hz on the outputs alone: 4 to 15 standard errors off with a delay of one input."""
+    rec = lateral(seed)
+    b, a = butter(2, 0.2)
+    filtered = {name: lfilter(b, a, rec[name] - rec[name][0]) + rec[name][0] for name in rec.outputs}
+    rec = rec.assign(**filtered)
+    text = warned_of(rec, LATERAL)[1]
+    assert "one of all inputs, delay=['h', 'h'] and params={'h': mf.Free(min=0, max=...)}" in text
+    late = LATERAL._like(delay=["h", "h"], params={"h": mf.Free(min=0, max=0.2)})
+    fit, text = warned_of(rec, late)
+    assert "First try a delay" not in text
+    assert max(abs(fit[name] - value) / fit.bse[name] for name, value in NUMBERS.items()) < 3.5
+
+
+@pytest.mark.parametrize("channel", ["da", "dr"])
+def test_a_delay_of_one_input_is_said_of_that_one(channel):
+    rec = lateral(0)
+    early = np.interp(rec.t + 2 * STEP, rec.t, rec[channel])
+    text = warned_of(rec.assign(**{channel: early}), LATERAL)[1]
+    assert f"{channel} seems to act 0.0" in text
+    assert "of all inputs" not in text
