@@ -257,7 +257,7 @@ class Findings:
     sentences : sequence of str
         One sentence a finding, most important first.
     note : str, default ""
-        What could not be checked, and why; no finding.
+        What could not be checked, and why, or what errors do not count; no finding.
     """
 
     __slots__ = ("note", "sentences", "title")
@@ -300,7 +300,8 @@ class Findings:
 
     def _repr_html_(self) -> str:
         title = f"{self.title}:" if self.sentences else repr(self)
-        return html.listing(self.sentences, title=title)
+        note = self.note if self.sentences else ""
+        return html.listing(self.sentences, title=title) + html.listing((), title=note)
 
 
 def _made(kind: type[Table], columns: Any, title: str | None, units: Mapping[str, str]) -> Table:

@@ -77,6 +77,7 @@ from .stand_in import stand_in
 from .still_inputs import of_still_inputs
 from .stopped import too_many_poles, valley
 from .swapped import swapped
+from .timing import uncounted_time
 from .twins import other_minimum, other_signs, twin
 from .uncertain_poles import uncertain_poles
 from .undeclared import undeclared, wandering
@@ -464,8 +465,10 @@ def check(fit: Estimates, line: str) -> Findings:
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []
         # Residuals of another model than the record has say no more.
+        time = ""
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
+            time = "" if said[late_channel] else uncounted_time(whole)
             slow = _slow(whole)
             slow = slow if slow and _left(whole) is slow else None  # else nothing is looked for twice
             residual = [slow] if slow else of_residuals(whole, d)
@@ -488,4 +491,4 @@ def check(fit: Estimates, line: str) -> Findings:
         found += of_records(fit, [doubt.text for doubt in found if doubt])
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
     note = of_stability(fit) or gain_of_start(fit, warnings_of) or note or ""
-    return Findings(title, [doubt.text for doubt in doubts], note=note)
+    return Findings(title, [doubt.text for doubt in doubts], note=f"{note} {time}".strip())

@@ -21,7 +21,7 @@ from .diagnosis import growth, level_p
 from .estimates import Estimates
 from .neighbours import EXTRA, LAG, LEVER, ZERO, absurd, integrals, least_time, neighbours, singular
 from .refits import lengthy, starts_beside
-from .shifts import Shift, likeliest_shift
+from .shifts import SEEN, Shift, likeliest_shift
 from .worth import Key, worth
 
 __all__ = [
@@ -238,7 +238,7 @@ def realigned(fit: Estimates) -> Realigned | None:
     """
     shift, records = likeliest_shift(fit), fit.records or ()
     refuted = level_p(fit) < SUREST
-    if shift is None or fit.again is None or (shift.p_value > ENOUGH and not refuted):
+    if shift is None or fit.again is None or (shift.p_value > SEEN and not refuted):
         return None
     if shift.channel in fit.inputs and shift.late < 0:
         return None

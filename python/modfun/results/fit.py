@@ -164,10 +164,13 @@ class Fit(Drawn):
         band. Further columns are tested one by one, at 0.01 over their number: a response to an input that
         the model lacks (neighbouring structures are fitted then, to name the one that lowers BIC most),
         powers of the simulated output, a system that changes, a drift, an event at one time; in linear
-        equations a channel late or early. With white noise each of these tests objects to about one right
-        model in a hundred (neighbouring lines: up to two), and all together to about one in twenty.
-        Besides: a pole with a real part above 0; fewer than 8 samples per period; a condition number above
-        10^6; two minima; a parameter on its bound; what `Record.check` finds in missing rows and the inputs.
+        equations a channel late or early (at 0.02, where BIC falls, too). With white noise each of these
+        tests objects to about one right model in a hundred (neighbouring lines: up to two), and all together
+        to about one in twenty. Besides: a pole with a real part above 0; fewer than 8 samples per period; a
+        condition number above 10^6; two minima; a parameter on its bound; what `Record.check` finds in
+        missing rows and the inputs. The note below them, which is no doubt, says how far one sample of a
+        channel's time would move the estimates of linear equations, where that is more than 5 standard errors
+        and the record leaves that time open.
         """
         return self._findings
 

@@ -31,12 +31,11 @@ from .estimates import Estimates
 from .held_numbers import contradicted_numbers, factor_beside
 from .misfit import UNLIKELY
 from .neighbours import EXTRA, delayed
-from .shifts import Shift, likeliest_shift
+from .shifts import SEEN, Shift, likeliest_shift
 
-__all__ = ["late_channel"]
+__all__ = ["late_channel", "longest_step"]
 
 HALF = (0.3, 0.7)  # samples: about what an input declared held or smooth by mistake is off
-EVEN = 2.0  # difference of BIC below which two explanations are equally good (Kass and Raftery, 1995)
 LIKELY = 1e-3  # p-value of a shift that warns where BIC falls, too: of 150 right records none did
 LEAST = 0.2  # samples: below that, what signals do between samples makes as much
 
@@ -44,7 +43,7 @@ LEAST = 0.2  # samples: below that, what signals do between samples makes as muc
 def late_channel(fit: Estimates) -> Doubt | None:
     """That a channel of equations is late or early beside the others, by a score test of each."""
     shift = likeliest_shift(fit)
-    if shift is None or shift.p_value > UNLIKELY or abs(shift.late) < LEAST * _step(fit):
+    if shift is None or shift.p_value > SEEN or abs(shift.late) < LEAST * longest_step(fit):
         return None
     if noise_free(fit) is not None:
         return None
@@ -86,7 +85,7 @@ def _or_factor(fit: Estimates, cure: Cure, told: str, sure: bool) -> Doubt | Non
     if factor is None or not factor.after < least_likely + CLOSE:
         return Doubt(told + _first(cure), sure)
     # A time that all samples share is likelier than a scale factor that looks like it.
-    if not factor.after < after - EVEN * bool(shift):
+    if not factor.after < after - CLOSE * bool(shift):
         well = "about as well" if factor.after < after + CLOSE else "less well"
         beside = f" {factor.kind} does {well} (BIC {factor.after:.4g}): {factor.seen}."
         return Doubt(told + _first(cure) + beside, sure)
@@ -130,7 +129,7 @@ def _with_state(fit: Estimates, cure: Cure) -> str:
 def _as_state(fit: Estimates, cure: Realigned) -> Cure | None:
     """The same with the time as a parameter, whose error counts: where samples are moved it does not."""
     model, shift = fit.structure, cure.shift
-    exact = shift.error < ALIGNED * _step(fit)
+    exact = shift.error < ALIGNED * longest_step(fit)
     if exact or not isinstance(model, StateSpace) or shift.channel not in model.outputs or shift.late < 0:
         return None
     words, structure = delayed(fit, model, model.outputs.index(shift.channel), shift.late)
@@ -148,7 +147,7 @@ def _as_state(fit: Estimates, cure: Realigned) -> Cure | None:
 
 def _otherwise(fit: Estimates, shift: Shift) -> str:
     """How an input may go between samples that is half a sample off as declared."""
-    if shift.channel not in fit.inputs or not HALF[0] < abs(shift.late) / _step(fit) < HALF[1]:
+    if shift.channel not in fit.inputs or not HALF[0] < abs(shift.late) / longest_step(fit) < HALF[1]:
         return ""
     now = fit.intersample[fit.inputs.index(shift.channel)]
     return {("smooth", False): "zoh", ("zoh", True): "smooth"}.get((now, shift.late > 0), "")
@@ -174,7 +173,7 @@ def _of_time(cure: Cure, shift: Shift) -> bool:
 
 
 def _told(fit: Estimates, shift: Shift) -> str:
-    size, samples = abs(shift.late), abs(shift.late) / _step(fit)
+    size, samples = abs(shift.late), abs(shift.late) / longest_step(fit)
     if shift.channel in fit.inputs and shift.late < 0:
         what, word = "act", "later than the equations say"
     else:
@@ -189,6 +188,6 @@ def _first(cure: Cure) -> str:
     return f" First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
 
 
-def _step(fit: Estimates) -> float:
+def longest_step(fit: Estimates) -> float:
     """The longest step of the records, s."""
     return max(rec.dt or 0.0 for rec in fit.records or ())

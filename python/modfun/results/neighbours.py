@@ -153,6 +153,7 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
                 f"a delay of {u}, delay={shown!r} and params={{'h': mf.Free(min=0, max=...)}} (h = {{}} s)"
             )
             yield words, model._like(delay=late, params=_more(model, _delay(fit))), ("late", u)
+    yield from _all_inputs(fit, model)
     yield from _two_sensors(fit, model)
     for i, y in enumerate(model.outputs):
         if state_of(model.C[i], model.D[i]) is not None:
@@ -161,6 +162,19 @@ def _instruments(fit: Estimates, model: StateSpace) -> Changed:
             bounds = [_about(fit, y, model.states[j])]
             words = of_levers(y, [model.states[j]], ["{}"], bounds)
             yield words, with_levers(model, i, [j], bounds), ()
+
+
+def _all_inputs(fit: Estimates, model: StateSpace) -> Changed:
+    """One delay of all inputs, where one of them seems to act late: filters of the outputs act like that."""
+    shift = likeliest_shift(fit) if len(model.inputs) > 1 and not any(model.delay) else None
+    if shift is None or shift.channel not in model.inputs or shift.late > 0:
+        return
+    late = [EXTRA] * len(model.inputs)
+    words = (
+        f"a delay of {listed(list(model.inputs))}, one of all inputs, delay={['h'] * len(late)!r} and "
+        "params={'h': mf.Free(min=0, max=...)} (h = {} s), as where the data system filtered the outputs"
+    )
+    yield words, model._like(delay=late, params=_more(model, _delay(fit))), ()
 
 
 def _two_sensors(fit: Estimates, model: StateSpace) -> Changed:

@@ -39,7 +39,7 @@ def verdict(fit: Estimates, found: Findings) -> tuple[str, str, tuple[str, ...]]
         return f"There is no usable estimate (status {fit.status}).", "bad", (fit.message,)
     findings = tuple(found)
     shares = _shares(fit)
-    told = _explained(fit, shares)
+    told = f"{_explained(fit, shares)} {found.note}".strip()
     if not fit.success:
         return f"Not to be used as it is: the fit did not settle. {told}", "bad", findings
     if shares is not None and np.any(shares <= 0):

@@ -12,9 +12,10 @@ from ..base.student import student_p
 from .estimates import Estimates
 from .linear_lines import Linear, columns_of, linear_of, straight, testable, with_levers
 
-__all__ = ["Lever", "Shift", "likeliest_lever", "likeliest_shift"]
+__all__ = ["SEEN", "Lever", "Moved", "Shift", "each_moved", "likeliest_lever", "likeliest_shift"]
 
-ASKED = 0.01  # p-value in white noise below which the noise's colour is looked at
+SEEN = 0.02  # p-value below which a shift is told, where it explains more than its parameter costs
+ASKED = 0.02  # p-value in white noise below which the noise's colour is looked at
 BESIDE = 4  # lines on either side over which the power of residuals is smoothed
 TOLD = 1e-6  # part of a column's square that parameters leave of it, below which no record tells the change
 ROUNDING = 1e-13
@@ -63,6 +64,25 @@ class Lever:
 
 
 @dataclass(frozen=True)
+class Moved:
+    """What the time of a channel does to the estimates.
+
+    Attributes
+    ----------
+    channel : str
+    late, error : float
+        By how much it seems to be recorded late beside the others, s, and the standard error of that.
+    slopes : ndarray, shape (p,)
+        By how much each right estimate is larger than the fitted one for each second that it is late.
+    """
+
+    channel: str
+    late: float
+    error: float
+    slopes: F64
+
+
+@dataclass(frozen=True)
 class _Change:
     """The likeliest change of the equations, by its number, with its size, standard error and p-value."""
 
@@ -93,6 +113,29 @@ def likeliest_shift(fit: Estimates, channel: str = "") -> Shift | None:
     return Shift(channels[one.number], one.size, one.error, one.p_value) if one else None
 
 
+def each_moved(fit: Estimates) -> list[Moved]:
+    """What the time of each channel that the record tells does to the estimates, to first order.
+
+    Estimates follow a shift as regressions of its column on those of the parameters say.
+    """
+    channels = [*fit.outputs, *fit.inputs]
+    model = linear_of(fit) if len(channels) > 1 and testable(fit) and straight(fit) else None
+    made = _columns(fit, model, exact=True) if model else None
+    if made is None:
+        return []
+    used, sizes = made.used, made.sizes
+    slopes = np.asarray(np.linalg.solve(made.gram[:used, :used], made.gram[:used, used:-1]), np.float64)
+    slopes *= sizes[used:-1] / sizes[:used, None]
+    found = []
+    for k, channel in enumerate(channels):
+        if made.squares[k] > TOLD:
+            by, scale = made.along[k] / made.squares[k], sizes[-1] / sizes[used + k]
+            variance = (made.rest - by * made.along[k]) / made.df / made.squares[k]
+            error = scale * np.sqrt(max(variance, 0.0))
+            found.append(Moved(channel, float(by * scale), float(error), slopes[:, k]))
+    return found
+
+
 def likeliest_lever(fit: Estimates, pairs: Sequence[tuple[str, str]]) -> Lever | None:
     """The likeliest of pairs of an output and a rate; None if none is tested.
 
@@ -117,42 +160,70 @@ def _likeliest(fit: Estimates, model: Linear, asked: Sequence[int]) -> _Change |
     return _tested(fit, model, asked, exact=True)
 
 
-def _tested(fit: Estimates, model: Linear, asked: Sequence[int], *, exact: bool) -> _Change | None:
-    """The regression for these changes.
+@dataclass(frozen=True)
+class _Columns:
+    """Columns of parameters, changes and residuals, each of length 1, and what the first leave of the rest.
+
+    `used`: parameters; `squares`: what these leave of each change, `along`: of its product with the
+    residuals, and `rest`: of these; `df`: degrees of freedom beside one change.
+    """
+
+    columns: F64
+    sizes: F64
+    used: int
+    gram: F64
+    squares: F64
+    along: F64
+    rest: float
+    df: int
+    lines: list[int]
+
+
+def _columns(fit: Estimates, model: Linear, exact: bool) -> _Columns | None:
+    """The columns of all records; None where residuals are none, or too few.
 
     `exact`: with corners of inputs and the colour of the noise, which a first look omits.
     """
     parts = [part for k in range(len(fit.lines)) if (part := columns_of(fit, model, k, exact)) is not None]
     columns = np.concatenate(parts, axis=1) if len(parts) == len(fit.lines) else np.zeros((1, 1))
     sizes = np.sqrt(np.einsum("pn,pn->p", columns, columns))
-    if not 0 < sizes[-1] < np.inf:
-        return None
     used = fit.params.size
+    ends = sum(fit.layout.orders) + len(fit.layout.orders) * (1 + (fit.trend == "linear"))
+    df = columns.shape[1] - ends * len(parts) - used - 1
+    if not 0 < sizes[-1] < np.inf or df < 1:
+        return None
     sizes[sizes == 0] = 1.0
     columns /= sizes[:, None]
     gram = columns @ columns.T
     gram[range(used), range(used)] += ROUNDING  # of a parameter without effect
     beside = gram[used:, used:] - gram[used:, :used] @ np.linalg.solve(gram[:used, :used], gram[:used, used:])
-    squares, along = np.diag(beside)[:-1], beside[:-1, -1]
-    ends = sum(fit.layout.orders) + len(fit.layout.orders) * (1 + (fit.trend == "linear"))
-    df = columns.shape[1] - ends * len(parts) - used - 1
+    lines = [part.shape[1] // (2 * len(fit.outputs)) for part in parts]
+    squares, along, rest = np.diag(beside)[:-1], beside[:-1, -1], float(beside[-1, -1])
+    return _Columns(columns, sizes, used, gram, squares, along, rest, df, lines)
+
+
+def _tested(fit: Estimates, model: Linear, asked: Sequence[int], *, exact: bool) -> _Change | None:
+    """The regression for these changes."""
+    made = _columns(fit, model, exact)
+    if made is None:
+        return None
+    used, squares, along, df = made.used, made.squares, made.along, made.df
     told = squares > TOLD
     told[[k for k in range(told.size) if k not in asked]] = False
-    if df < 1 or not told.any():
+    if not told.any():
         return None
     gains = np.where(told, along**2 / np.where(told, squares, 1.0), 0.0)
     at = int(np.argmax(gains))
     by = along[at] / squares[at]
-    variance = max(float(beside[-1, -1] - gains[at]), 0.0) / df / squares[at]
+    variance = max(made.rest - gains[at], 0.0) / df / squares[at]
     if exact:
-        q = np.linalg.qr(columns[:used].T)[0]
-        column, e = (x - q @ (q.T @ x) for x in (columns[used + at], columns[-1]))
-        lines = [part.shape[1] // (2 * len(fit.outputs)) for part in parts]
-        local = _smooth(e - by * column, lines, len(fit.outputs)) * e.size / df
+        q = np.linalg.qr(made.columns[:used].T)[0]
+        column, e = (x - q @ (q.T @ x) for x in (made.columns[used + at], made.columns[-1]))
+        local = _smooth(e - by * column, made.lines, len(fit.outputs)) * e.size / df
         variance = max(variance, float(column**2 @ local) / squares[at] ** 2)
     if not variance > 0:
         return None
-    error, scale = float(np.sqrt(variance)), float(sizes[-1] / sizes[used + at])
+    error, scale = float(np.sqrt(variance)), float(made.sizes[-1] / made.sizes[used + at])
     p = float(student_p(by / error, df)) * int(told.sum())
     return _Change(at, float(by) * scale, error * scale, min(p, 1.0))
 

@@ -99,7 +99,9 @@ class Summary:
         parts = ["\n".join(lines), str(self.parameters)]
         if self.poles is not None:
             parts.append(str(self.poles))
-        parts.append("\n".join(f"* {text}" for text in self.findings) or f"Checks: {self.findings.nothing}")
+        said = [f"* {text}" for text in self.findings] or [f"Checks: {self.findings.nothing}"]
+        note = [self.findings.note] if self.findings and self.findings.note else []
+        parts.append("\n".join([*said, *note]))
         return f"\n{rule}\n".join(parts)
 
     def __repr__(self) -> str:
@@ -109,11 +111,9 @@ class Summary:
         parts = [html.table(("", ""), self.facts), self.parameters._repr_html_()]
         if self.poles is not None:
             parts.append(self.poles._repr_html_())
-        parts.append(
-            html.listing(
-                self.findings, title="Checks" if self.findings else f"Checks: {self.findings.nothing}"
-            )
-        )
+        title = "Checks" if self.findings else f"Checks: {self.findings.nothing}"
+        parts.append(html.listing(self.findings, title=title))
+        parts.append(html.listing((), title=self.findings.note if self.findings else ""))
         return "".join(parts)
 
 
