@@ -1,5 +1,6 @@
 """State spaces without starts: parameters are matched to coefficients where the search from others fails."""
 
+import warnings
 from dataclasses import replace
 
 import modfun as mf
@@ -146,3 +147,27 @@ def test_coefficients_are_free_only_of_linear_equations_without_free_delays():
     assert freed(late.compiled(), None) is None
     bent = mf.Equation("J*w' + b*w + c*w**3 = V", outputs=["w"], inputs=["V"])
     assert freed(bent.compiled(), None) is None
+
+
+@pytest.mark.parametrize("lost", ["masked", "uneven"])
+def test_what_is_lost_of_a_record_raises_no_error_of_the_code(lost):
+    """Free coefficients have no response that could stand for masked samples."""
+    for seed in (0, 6, 21):
+        rec, rng = run(seed), np.random.default_rng(seed)
+        kept = np.sort(rng.choice(1500, 1350, replace=False)) if lost == "uneven" else np.arange(1500)
+        mask = rng.random(1500) > 0.1 if lost == "masked" else None
+        rec = mf.Record(
+            y=rec.y[0, kept],
+            u=rec.u[0, kept],
+            t=rec.t[kept],
+            outputs=["w"],
+            inputs=["V"],
+            mask=mask,
+            intersample="zoh",
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            fit = mf.fit(rec, motor())
+        assert fit.status in ("ok", "rank", "maxiter")
+        if fit.status == "ok":
+            right(fit, L=L, J=J, b=B)
