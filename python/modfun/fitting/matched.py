@@ -38,9 +38,9 @@ def matched(
     same records; `sought(starts, within, near=)`: that of these from starts.
     """
     words = layout.formulas.words
-    # Masked samples are filled by the response of a model, which free coefficients do not have.
-    masked = any(rec.mask is not None for rec in records)
-    free = None if words["linear"] or masked else _freed(layout, structure.trend)
+    # Masked samples are filled, and uneven ones judged, by a response, which free coefficients do not have.
+    odd = any(rec.mask is not None or rec.dt is None for rec in records)
+    free = None if words["linear"] or odd else _freed(layout, structure.trend)
     if free is None:
         return None
     try:
