@@ -153,7 +153,7 @@ def frf(
     >>> import modfun as mf
     >>> system = mf.tf([5], [1, 3, 8])
     >>> rec = mf.simulate(system, input="sin(t**2/5)", duration=10.0, intervals=256, nsr=0.1, seed=0)
-    >>> response = mf.frf(rec)
+    >>> response = mf.frf(rec, band=7.0)  # rad/s, which the sweep reaches
     >>> response.response.shape == (1, 1, response.omega.size)
     True
     """
