@@ -52,7 +52,13 @@ MOVED, ROUNDING = 0.05, 1e-9  # of a standard error, and of values: as many agai
 Fits = Callable[..., Any]
 
 
-def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options, fit_once: Fits) -> Any:
+def fit_with_past(
+    records: tuple[Record, ...],
+    structure: Any,
+    options: Options,
+    fit_once: Fits,
+    start: F64 | None = None,
+) -> Any:
     """The fit of records that begin at rest ("rest", "zero"), or in given states, by what they were before.
 
     The steady state before the first sample is known without noise, so it is a piece of record with next to
@@ -61,6 +67,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
     unknown: a nuisance with the lowest −2 log likelihood, whose covariance, twice the inverse of the second
     derivatives there, widens that of the parameters that follow it. Equations without a constant hold at it.
     A drift of the outputs of transfer functions begins at the first sample; its slope is a nuisance, too.
+    `start`: parameters near which one of the searches for free delays begins.
 
     Raises
     ------
@@ -82,7 +89,7 @@ def fit_with_past(records: tuple[Record, ...], structure: Any, options: Options,
         records = tuple([structure.own_channels(rec) for rec in records])
     # What kinks of held inputs do to an estimate is hardly another at other levels, and takes long to find.
     search = _Search(records, structure, options, fit_equation if equations else fit_once)
-    fit = search.first()
+    fit = search.first(start)
     if not fit.usable:
         return replace(fit, records=records, options=options)
     fit = search.on_enough_lines(fit)
@@ -129,23 +136,23 @@ class _Search:
                     fit_once(records, structure, self.inner.replace(trend="linear"))
                 )
 
-    def first(self) -> Any:
+    def first(self, start: F64 | None) -> Any:
         """The fit under the first levels: with free delays the best of several ends.
 
-        Beside the one from afar these are the ends of ways from the fit with any start, which finds wrong
-        delays less often, and from the stable twin of an unstable one.
+        Beside the one from afar these are the ends of ways from a given start, from the fit with any start,
+        which finds wrong delays less often, and from the stable twin of an unstable one.
         """
         fit = self.fit(self.levels)
         if not fit.usable or not _seeks_delays(fit):
             return fit
-        starts = [mirrored(fit)]
+        starts = [start, mirrored(fit)]
         try:
             free = self.fit_once(self.records, self.structure, self.unknown)
             starts.append(free.params if free.usable else None)
         except ModfunError:  # such as an input that moves at an end only
             pass
         own, self.inner = self.inner, on_band(fit, fit.band)
-        ends = [self._close(self.levels, start, fit) for start in starts if start is not None]
+        ends = [self._close(self.levels, one, fit) for one in starts if one is not None]
         self.inner = own
         for other in ends:
             if other is not None and _better(other, fit):

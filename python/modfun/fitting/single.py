@@ -92,11 +92,13 @@ def fit_near(fit: Fit, options: Options, start: F64) -> Fit | None:
     if not isinstance(options.initial_state, str) or any([rec.functions for rec in records]):
         return None
 
-    def begun(records: tuple[Record, ...], structure: Any, options: Options, **_: Any) -> Fit:
-        return fit_plain(records, structure, options, fit_quietly, start)
+    def begun(
+        records: tuple[Record, ...], structure: Any, options: Options, starts: Any = start, **_: Any
+    ) -> Fit:
+        return fit_plain(records, structure, options, fit_quietly, np.array(starts, float))
 
     if options.initial_state != "unknown" and not counts_start(fit.structure, options, records):
-        made: Fit = replace(fit_with_past(records, fit.structure, options, begun), again=fit_quietly)
+        made: Fit = replace(fit_with_past(records, fit.structure, options, begun, start), again=fit_quietly)
     else:
         made = begun(records, fit.structure, options)
     return made if made.usable else None

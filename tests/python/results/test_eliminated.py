@@ -55,13 +55,21 @@ SEIR = mf.Equation(
 
 
 def test_no_constant_is_named_where_an_elimination_is_the_cause():
-    """A constant lowers BIC by 32, and the first warning was of gravity or trim that the model lacks."""
+    """A constant lowers BIC by 32, and the first warning was of gravity or trim that the model lacks.
+
+    Of some records the search goes on to the response, which has no products; rounding decides of which.
+    """
     t = np.arange(121.0)
     y = solve_ivp(
         lambda _, x: [-0.6 * x[0] * x[2], 0.6 * x[0] * x[2] - 0.25 * x[1], 0.25 * x[1] - 0.2 * x[2]],
         (0, 120), [0.999, 0.0005, 0.0005], t_eval=t, rtol=1e-9, atol=1e-10,
     ).y[2]  # fmt: skip
-    y = y + 0.03 * y.std() * np.random.default_rng(0).normal(size=y.size)
-    fit, said = remarks(mf.Record(y=y, dt=1.0, outputs=["I"]), SEIR)
-    assert "First measure S, E" in said[0]
-    assert "gravity" not in str(fit.check())
+    eliminated = 0
+    for seed in range(4):
+        noise = 0.03 * y.std() * np.random.default_rng(seed).normal(size=y.size)
+        fit, said = remarks(mf.Record(y=y + noise, dt=1.0, outputs=["I"]), SEIR)
+        if not fit.by_response:
+            eliminated += 1
+            assert "First measure S, E" in said[0]
+        assert "gravity" not in str(fit.check())
+    assert eliminated
