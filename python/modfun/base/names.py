@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Sequence
 
-__all__ = ["close", "listed", "nearest"]
+__all__ = ["close", "listed", "nearest", "series"]
 
 MANY, LONG = 40, 60  # names that a message lists, and letters of each
 
@@ -32,3 +32,8 @@ def listed(names: Sequence[str]) -> str:
     shown = [name if len(name) <= LONG else f"{name[:LONG]}…" for name in map(str, names[:MANY])]
     more = f", … ({len(names)} in all)" if len(names) > MANY else ""
     return (", ".join(shown) or "none") + more
+
+
+def series(words: Sequence[str]) -> str:
+    """a, b and c."""
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

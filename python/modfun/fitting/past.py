@@ -118,7 +118,8 @@ class _Search:
         learnt = not isinstance(structure, TransferFunction) and options.noise == "output"
         self.several = learnt and len(records) * len(records[0].outputs) > 1
         self.late = _longest_delay(structure, records[0], options)
-        self.certain = SURE if _has_free_delays(structure, records[0]) else CERTAIN
+        self.seeks_delays = _seeks_delays(structure, records[0])
+        self.certain = SURE if self.seeks_delays else CERTAIN
         more = {} if options.harmonics is None else {"harmonics": round(options.harmonics * (1 + PART))}
         drift = _trend(structure, options) == "linear"
         own = "constant" if drift else options.trend
@@ -143,7 +144,7 @@ class _Search:
         which finds wrong delays less often, and from the stable twin of an unstable one.
         """
         fit = self.fit(self.levels)
-        if not fit.usable or not _seeks_delays(fit):
+        if not fit.usable or not self.seeks_delays:
             return fit
         starts = [start, mirrored(fit)]
         try:
@@ -165,7 +166,7 @@ class _Search:
         Each search from afar of two delays took a second, for some twenty levels, and some ended in another
         minimum.
         """
-        if near is not None and _seeks_delays(near):
+        if near is not None and self.seeks_delays:
             close = self._close(levels, near.params, near)
             if close is not None:
                 return close
@@ -294,15 +295,11 @@ class _Search:
         return self.fit(self.levels + moved.reshape(self.levels.shape), fit)
 
 
-def _has_free_delays(structure: Any, rec: Record) -> bool:
+def _seeks_delays(structure: Any, rec: Record) -> bool:
+    """Whether these are transfer functions with free delays, for which there are several minima."""
     if not isinstance(structure, TransferFunction):
         return False
     return bool(structure.layout(rec.outputs, rec.inputs).free_delays)
-
-
-def _seeks_delays(fit: Any) -> bool:
-    """Whether a fit is one of transfer functions with free delays, for which there are several minima."""
-    return isinstance(fit.structure, TransferFunction) and bool(fit.layout.free_delays)
 
 
 def _elsewhere(fit: Any, other: Any) -> bool:

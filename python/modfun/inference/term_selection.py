@@ -288,6 +288,7 @@ def _equation(library: Library, chosen: Any, rec: Record) -> Equation:
 
 
 def fit_terms(records: Sequence[Record], equation: Equation, options: Options) -> Fit:
+    """The fit of an equation of chosen terms to the channels that it has."""
     own = [
         rec
         if (rec.outputs, rec.inputs) == (equation.outputs, equation.inputs)

@@ -62,7 +62,7 @@ def agreeing(what: str, rec: Own, units: Mapping[str, str], whose: str) -> Own:
 
 def mixed_angles(record: Samples) -> Iterator[str]:
     """Say that outputs have angles in two units, which no equation between them can do without a factor."""
-    first = {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}
+    first = _first_with(record)
     if first.keys() >= {"deg", "rad"}:
         deg, rad = first["deg"], first["rad"]
         yield (
@@ -76,10 +76,10 @@ def mixed_inputs(record: Samples) -> Iterator[tuple[str, str]]:
 
     No residual shows it: an input in another unit changes its own derivatives alone.
     """
-    first = {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}
-    if len(first.keys() & {"deg", "rad"}) != 1:
+    first = _first_with(record)
+    if len(known := first.keys() & {"deg", "rad"}) != 1:
         return  # not known, or outputs are in two units, which is said before
-    (own,) = first.keys() & {"deg", "rad"}
+    (own,) = known
     for name in record.inputs:
         other = angle_of(record.units.get(name, ""))
         if other in ("deg", "rad") and other != own:
@@ -90,3 +90,8 @@ def mixed_inputs(record: Samples) -> Iterator[tuple[str, str]]:
                 f"what {name!r} does to angles comes out 57.3 times {size} than with one unit of angle; "
                 "rec.convert changes it.",
             )
+
+
+def _first_with(record: Samples) -> dict[str, str]:
+    """The first output with each unit of angle."""
+    return {angle_of(record.units.get(name, "")): name for name in reversed(record.outputs)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from ..base import html
 from ..base.arguments import public
 from ..base.arrays import F64
+from ..base.names import series
 from ..base.student import root
 from ..base.tables import Table
 from ..errors import FitError
@@ -136,14 +136,10 @@ def _findings(
         moves = way * np.sign(way[joined[0]]) * errors
         changes = [f"{name} by {moves[j]:+.3g}" for name, j in zip(names, joined, strict=True)]
         found.append(
-            f"{_and(names)} can hardly be told apart (condition index {index:.3g}): changing "
-            f"{_and(changes)} together leaves the record nearly as well explained. "
+            f"{series(names)} can hardly be told apart (condition index {index:.3g}): changing "
+            f"{series(changes)} together leaves the record nearly as well explained. "
             "Excite the input independently of the output, or fix one of them."
         )
     if not found:
         found.append(f"No combination of parameters stands out (no condition index above {STRONG:g}).")
     return tuple(found)
-
-
-def _and(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"

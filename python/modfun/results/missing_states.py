@@ -31,7 +31,7 @@ def missing_states(fit: Estimates) -> Doubt | None:
     """
     model = fit.structure
     plain = fit.options.noise == "output" and fit.options.initial_state == "unknown"
-    linear = isinstance(model, StateSpace) or (isinstance(model, Equation) and model.linear)
+    linear = isinstance(model, StateSpace | Equation) and model.linear
     if not linear or not plain or fit.again is None or not fit.records or not fit.inputs:
         return None
     if not (level_p(fit) < SURE and level_ratio(fit) > LEAST):

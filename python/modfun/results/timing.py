@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.names import series
 from .cures import earlier_by
 from .doubts import noise_free
 from .estimates import Estimates
@@ -43,7 +44,7 @@ def uncounted_time(fit: Estimates) -> str:
     names = [fit.param_names[k] for k in order]
     off = [f"{sizes[k]:.2g}{'' if at else ' standard errors off'}" for at, k in enumerate(order)]
     free = [f"{'' if at else 'about '}{values[k]:.3g} ± {errors[k]:.2g}" for at, k in enumerate(order)]
-    also = _listed([f"{one.channel} (up to {own.max():.2g} standard errors)" for one, own in others])
+    also = series([f"{one.channel} (up to {own.max():.2g} standard errors)" for one, own in others])
     words, _ = earlier_by(fit.records or (), first.channel, step, whole=True)
     return (
         f"If {first.channel} was recorded one sample ({step:.3g} s) late or early, {_each(names, off)}: "
@@ -57,11 +58,7 @@ def uncounted_time(fit: Estimates) -> str:
 def _each(names: list[str], what: list[str]) -> str:
     """What several names are, with one verb."""
     first, *others = [f"{name} {own}" for name, own in zip(names, what, strict=True)]
-    return _listed([first.replace(" ", " is ", 1), *others])
-
-
-def _listed(parts: list[str]) -> str:
-    return " and ".join(part for part in (", ".join(parts[:-1]), parts[-1] if parts else "") if part)
+    return series([first.replace(" ", " is ", 1), *others])
 
 
 def _sizes(fit: Estimates, one: Moved) -> F64:

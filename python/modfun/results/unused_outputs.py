@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..base.cached import kept
+from ..base.names import series
 from ..equations.equation import Equation
 from ..equations.state_space import StateSpace
 from ..errors import ModfunError
@@ -33,7 +34,7 @@ def unused_output(fit: Estimates) -> Doubt | None:
     out. As inputs they stand for whatever equations they have.
     """
     given, model = getattr(fit, "unnamed", ()), fit.structure
-    linear = isinstance(model, StateSpace) or (isinstance(model, Equation) and model.linear)
+    linear = isinstance(model, StateSpace | Equation) and model.linear
     if not given or not linear or fit.again is None or not fit.usable or not level_p(fit) < SURE:
         return None
     if any(rec.mask is not None or rec.sigma is not None or rec.functions for rec in given):
@@ -64,12 +65,11 @@ def unused_output(fit: Estimates) -> Doubt | None:
     name, was, now, _ = furthest(fit, cure.fit)
     one = len(names) == 1
     they, them, inputs = ("it explains", "it", "an input") if one else ("they explain", "them", "inputs")
-    which = " and ".join(names if one else [", ".join(names[:-1]), names[-1]])
     return Doubt(
-        f"The residuals are {level_ratio(fit):.3g} times the noise. The record has {which}, the model has "
-        f"not, and {they} most of that. As {inputs} of each equation, BIC falls from {cure.before:.4g} to "
-        f"{cure.after:.4g}, and {name} becomes {now} (was {was}). First write {them} into the model, as "
-        f"{'a state or an input' if one else 'states or inputs'}."
+        f"The residuals are {level_ratio(fit):.3g} times the noise. The record has {series(names)}, "
+        f"the model has not, and {they} most of that. As {inputs} of each equation, BIC falls from "
+        f"{cure.before:.4g} to {cure.after:.4g}, and {name} becomes {now} (was {was}). First write {them} "
+        f"into the model, as {'a state or an input' if one else 'states or inputs'}."
     )
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import sympy
 
+from ...base.names import series
 from ...errors import SpecError
 from .compiled import Compiled, Term
 from .elimination import NotEliminated, TooHard, eliminate
@@ -16,7 +17,7 @@ from .multipliers import arrange
 from .rosenfeld import available, rosenfeld
 from .shared import combined
 from .system import System
-from .words import listed, said
+from .words import said
 
 __all__ = ["as_written", "compile_system"]
 
@@ -56,7 +57,7 @@ def compile_system(system: System, what: str) -> Compiled:
                 cure = f"; {_by_response(system)}" if isinstance(fault, TooHard) else ""
                 raise SpecError(f"{what}: {fault}{cure}") from None
             equations = left
-            gone = (f"{listed(system.hidden)}: eliminated by Rosenfeld and Gröbner's algorithm.",)
+            gone = (f"{series(system.hidden)}: eliminated by Rosenfeld and Gröbner's algorithm.",)
         if not equations:
             raise SpecError(
                 f"{what}: no equation is left without {', '.join(system.hidden)}; measure it, or write "
@@ -205,7 +206,7 @@ def _size(expr: sympy.Expr) -> int:
 
 def _not_eliminated(fault: NotExact, system: System, what: str) -> str:
     """That hidden signals leave what is no term, in words."""
-    names = listed(system.hidden)
+    names = series(system.hidden)
     return (
         f"{what}: {names} {'is' if len(system.hidden) == 1 else 'are'} not measured, and eliminating leaves "
         f"{said(system.moving.public(fault.term))}, which is neither the derivative of a signal nor the "

@@ -8,10 +8,10 @@ from itertools import groupby
 import numpy as np
 import sympy
 
+from ...base.names import series
 from .compiled import Compiled
 from .meaning import parameter
 from .mirrors import exponents, mirrors
-from .words import listed
 
 __all__ = ["determined", "identify"]
 
@@ -47,7 +47,7 @@ def identify(
     lost = tuple(s.name for k, s in enumerate(names) if k in gone)
     sentences = []
     if lost_before:
-        sentences.append(f"{listed(lost_before)}: in no term, so that no record says anything about it.")
+        sentences.append(f"{series(lost_before)}: in no term, so that no record says anything about it.")
     if lost:
         sentences.append(_words(lost, names, spaces, points))
     at = np.array([float(points[0][name]) for name in names])
@@ -56,7 +56,7 @@ def identify(
         more = [s.name for s, new, old in zip(names, other, at, strict=True) if abs(new - old) > 1e-9 * old]
         sentences.append(
             f"{turned}: its other sign makes the same equations with other values of "
-            f"{listed([name for name in more if name != turned])}. To choose one, "
+            f"{series([name for name in more if name != turned])}. To choose one, "
             f"params={{{turned!r}: mf.Free(min=0)}}."
         )
     return found, (*lost, *lost_before), len(names) - len(null), tuple(sentences)
@@ -189,15 +189,15 @@ def _words(
                 for s, n in zip(names, power, strict=True)
                 if n
             ]
-            return f"{listed(lost)}: multiplying {listed(powers)} changes nothing. {cure}"
+            return f"{series(lost)}: multiplying {series(powers)} changes nothing. {cure}"
         if all(abs(a - b) < TOLERANCE for a, b in zip(shift, other_shift, strict=True)):
             shifts = [
                 f"{n}*s to {s.name}" if n != 1 else f"s to {s.name}"
                 for s, n in zip(names, shift, strict=True)
                 if n
             ]
-            return f"{listed(lost)}: adding {listed(shifts)} changes nothing. {cure}"
+            return f"{series(lost)}: adding {series(shifts)} changes nothing. {cure}"
     return (
-        f"{listed(lost)}: only {len(lost) - count} combination(s) of these {len(lost)} can be found; they "
+        f"{series(lost)}: only {len(lost) - count} combination(s) of these {len(lost)} can be found; they "
         f"may change together without changing the equations. {cure}"
     )

@@ -8,11 +8,12 @@ from itertools import product
 
 import sympy
 
+from ...base.names import series
 from .compiled import jet
 from .exact import Form, NotExact, Piece, form, pieces
 from .integrals import antiderivative
 from .jets import Moving
-from .words import listed, said
+from .words import said
 
 __all__ = ["arrange", "is_freed", "mixing"]
 
@@ -75,7 +76,7 @@ def arrange(
         term = fault.factor * jet(str(fault.signal), fault.order)
         names = sorted(s.name for s in moving.parameters(moving.split(fault.factor)[1]))
         raise NotExact(
-            term, f"hold {listed(names)} at a number, params={{...}}: a factor has no parameters inside"
+            term, f"hold {series(names)} at a number, params={{...}}: a factor has no parameters inside"
         )
     return found, (
         *words,
@@ -133,7 +134,7 @@ def _pieces(terms: Form, moving: Moving) -> list[Piece] | None:
 def _multiplied(multiplier: sympy.Expr) -> str:
     step = f"Multiplied by {said(multiplier)}, every term is the derivative of a signal."
     if zeros := sorted(said(b) for b, n in multiplier.as_powers_dict().items() if n.is_negative):
-        step += f" That takes a record in which {listed(zeros)} stays away from 0."
+        step += f" That takes a record in which {series(zeros)} stays away from 0."
     return step
 
 

@@ -10,7 +10,7 @@ from sympy.printing.str import StrPrinter
 
 from .compiled import Compiled, Term
 
-__all__ = ["listed", "operator", "said", "told"]
+__all__ = ["operator", "said", "told"]
 
 MOST_DENOMINATOR = 100
 
@@ -65,11 +65,6 @@ def said(expr: sympy.Expr, *, exact: bool = False) -> str:
 def operator(order: int) -> str:
     """Text of p^order."""
     return "1" if order == 0 else "p" if order == 1 else f"p^{order}"
-
-
-def listed(words: Sequence[str]) -> str:
-    """a, b and c."""
-    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
 
 
 def told(compiled: Compiled) -> list[str]:
