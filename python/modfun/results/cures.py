@@ -20,6 +20,7 @@ from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
 from .neighbours import EXTRA, LAG, LEVER, ZERO, absurd, integrals, least_time, neighbours, singular
+from .promising import promising
 from .refits import lengthy, starts_beside
 from .shifts import SEEN, Shift, likeliest_shift
 from .worth import Key, worth
@@ -198,10 +199,14 @@ def _near_by(fit: Estimates) -> tuple[Any, dict[str, Any], float]:
 
     Outputs are without what sampling folds, as the fit told, and nonlinear equations without what they leave
     of its response: to simulate each candidate took more than half of the time, 50 s with two delays.
+    Neither are terms beside linear equations from whose outputs nothing was taken.
     """
     layout: Any = fit.layout
-    if not layout.compiled.is_linear and all([rec.dt is not None for rec in fit.records or ()]):
+    even = all([rec.dt is not None for rec in fit.records or ()])
+    if not layout.compiled.is_linear and even:
         return fit.records, {"unfolded": True, "less": getattr(fit, "less", ())}, 0.0
+    if even and not (getattr(fit, "unfolded", ()) or getattr(fit, "unsettled", True) or fit.with_past):
+        return fit.records, {"unfolded": True}, 0.0
     unfolded = layout.compiled.is_linear and not fit.with_past and getattr(fit, "unfolded", ())
     same = None
     if unfolded:
@@ -225,8 +230,10 @@ def _worthwhile(
     for words, structure, key in every:
         if falls.get(key, -inf) >= least or key == sensor:
             yield words, structure, key, True
+    left = [key for _, _, key in every if key not in falls]
+    terms = promising(fit, left)
     for words, structure, key in every:
-        if key not in falls and key != sensor:
+        if key not in falls and key != sensor and (key[:1] != ("term",) or key in terms):
             yield words, structure, key, not falls
 
 

@@ -26,6 +26,7 @@ __all__ = [
     "responses_of",
     "signal_lines",
     "straight",
+    "tape_values",
     "testable",
     "with_levers",
 ]
@@ -93,7 +94,7 @@ def linear_of(fit: Estimates) -> Linear | None:
     words, params, size = layout.formulas.words, fit.params.tolist(), fit.params.size
     of, rows, chosen = signals
     at = {j: place for place, j in enumerate(chosen)}
-    values = _values(words["coefficients"], params)
+    values = tape_values(words["coefficients"], params)
     terms, shape = words["terms"], (len(layout.orders), max(layout.orders) + 2, len(of))
     weights = np.zeros((1 + size + len(fit.outputs) + len(fit.inputs), *shape))
     given = [words["signals"][j] for j in chosen]
@@ -266,7 +267,7 @@ def _signals(layout: Any) -> tuple[list[int], list[int], list[int]] | None:
     return of, rows, chosen
 
 
-def _values(tape: tuple[Any, Sequence[int]], params: Sequence[float]) -> list[float]:
+def tape_values(tape: tuple[Any, Sequence[int]], params: Sequence[float]) -> list[float]:
     """What a tape makes of parameters; nan where it holds a function that coefficients rarely have."""
     found: list[float] = []
     operations, results = tape

@@ -94,7 +94,10 @@ def singular(other: Estimates) -> bool:
     most = [max(float(np.max(np.abs(rec[y]))) for rec in other.records or ()) for y in other.outputs]
     if np.any(other.noise_levels < ROUNDING * np.array(most)):
         return True
-    return EXTRA in other.param_names and bool(abs(other[EXTRA]) < other.bse[other.param_names.index(EXTRA)])
+    if EXTRA not in other.param_names:
+        return False
+    at, cov = other.param_names.index(EXTRA), Estimates.cov_params(other)  # without a look at uneven noise
+    return bool(abs(other[EXTRA]) < math.sqrt(max(cov[at, at], 0.0)))
 
 
 def integrals(model: StateSpace) -> Iterator[tuple[str, StateSpace]]:

@@ -18,7 +18,7 @@ from ..models.free import Free
 from .estimates import Estimates
 from .linear_lines import lines_beside
 
-__all__ = ["Key", "worth"]
+__all__ = ["Key", "Lines", "worth"]
 
 ROUNDS = 3  # of the noise's covariance
 TWIN = 6.0  # taken from a derivative: a rate is the sum of its own equation's terms, which are likelier
@@ -54,7 +54,7 @@ def worth(fit: Estimates) -> dict[Key, float]:
     for at, key in enumerate([*order, *(key for key, _ in terms)], size):
         if any(own[at].any() for _, own, _ in found):
             columns.setdefault(key, []).append(at)
-    lines = _Lines(found, size)
+    lines = Lines(found, size)
     before, _, cov = lines.settled([], fit.noise_cov)
     firsts = {key: lines.step(at, cov) for key, at in columns.items()}
     likely = sorted(firsts, key=lambda key: firsts[key][0])[:LOOKED]
@@ -97,7 +97,7 @@ def _terms(model: StateSpace) -> list[tuple[Key, Term]]:
 
 
 @dataclass(frozen=True)
-class _Lines:
+class Lines:
     """Residuals, columns and what ends add of each record, parameters first among the columns."""
 
     parts: Sequence[tuple[C128, C128, C128]]

@@ -6,6 +6,7 @@ Gauss-Legendre quadrature of the convolution inside each sample.
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +25,7 @@ __all__ = ["Inputs", "intersample_kinds", "respond", "spline", "too_steep"]
 
 NODES, WEIGHTS = gauss_legendre()  # of the quadrature within a sample, as parts of it
 EVEN = 1e-6  # of a step: differences between even ones
+KEPT = 2**15  # samples of splines that are kept
 
 
 def intersample_kinds(
@@ -181,6 +183,18 @@ def spline(grid: F64, values: F64) -> Any:
     DataError
         Its slopes are beyond floating point.
     """
+    if values.size > KEPT:
+        return _spline(grid, values)
+    return _spline_again(*[np.asarray(own, dtype=float).tobytes() for own in (grid, values)])
+
+
+@lru_cache(16)
+def _spline_again(grid: bytes, values: bytes) -> Any:
+    """The same: a search simulates the inputs of a record some hundred times."""
+    return _spline(*[np.frombuffer(own).copy() for own in (grid, values)])
+
+
+def _spline(grid: F64, values: F64) -> Any:
     from scipy.interpolate import CubicSpline
 
     with np.errstate(over="ignore", invalid="ignore"):
