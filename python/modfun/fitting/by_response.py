@@ -80,7 +80,13 @@ def _is_asked(fit: EquationFit) -> bool:
     plain = options.noise in ("output", *[LOGS] * few) and options.method in ("ml", "awls")
     plain = plain and options.output_weights is None and not (options.robust or fit.layout.priors)
     plain = plain and options.initial_state in ("unknown", *["zero"] * few)
-    if not plain or fit.structure.linear or not fit.records or not fit.params.size or fit.again is None:
+    if (
+        not plain
+        or (fit.structure.linear and not few)
+        or not fit.records
+        or not fit.params.size
+        or fit.again is None
+    ):
         return False
     if any([late is not None for _, _, late in words["signals"]]):
         return False

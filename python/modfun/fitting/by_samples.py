@@ -11,9 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import F64, geometric_mean
+from ..equations.written import Written
 from ..errors import DataError, ModfunError
+from ..models.free import priors_of
+from ..models.options import Options
 from ..records.mask import sample_weights
 from ..records.record import Record
+from ..records.uneven_rows import gaps
 from ..results.cures import again
 from ..results.diagnosis import fewest_samples, growth, measured_lines
 from ..results.doubts import FEW_SAMPLES
@@ -21,12 +25,16 @@ from ..results.estimates import COVARIANCES
 from ..results.initial_state import slopes
 from ..results.sparse import sparse
 
-__all__ = ["by_samples", "deviance", "is_few", "levels_of", "lower_by_samples", "of_response", "weights_of"]
+__all__ = [
+    "by_samples", "deviance", "ends_at_samples", "has_gaps", "is_few", "levels_of", "lower_by_samples",
+    "of_response", "weights_of",
+]  # fmt: skip
 
 PART = 0.1  # of a standard error: steps of differences
 ROUNDS, HALVED = 12, 5
 NEARER = 3  # steps to an initial state by logarithms
 LOGS = "log-normal"
+STARTS = ("unknown", "zero", "rest")  # of which simulations begin as told
 FAR = 12  # halvings from where sums over few samples end, as at a decay for a growth
 MOVED = 1.0  # standard errors of the lines: estimates differ by half as much where sums are right
 WIDER = 5.0  # times the errors of the samples: sums that err leave no better ones
@@ -93,13 +101,13 @@ def by_samples(fit: AnyFit) -> AnyFit:
     """
     options = fit.options
     white = options.noise in ("output", LOGS) and options.method in ("ml", "awls") and not fit.layout.priors
-    if not white or not fit.usable:
+    if not white:
         return fit
-    if measured_lines(fit):
+    if measured_lines(fit) or has_gaps(fit):
         if not is_few(fit):
             return fit
         return _at_few(fit) if fit.success and not fit.at_bound else replace(fit, unsettled=True)
-    return fit if options.noise == LOGS or growth(fit) > 0 else _led(fit, HALVED)
+    return fit if not fit.usable or options.noise == LOGS or growth(fit) > 0 else _led(fit, HALVED)
 
 
 def _led(fit: AnyFit, halved: int) -> AnyFit:
@@ -108,6 +116,25 @@ def _led(fit: AnyFit, halved: int) -> AnyFit:
             return _Descent(fit, halved).ended()  # type: ignore[no-any-return]
     except (ModfunError, np.linalg.LinAlgError):
         return fit
+
+
+def ends_at_samples(structure: Any, options: Options) -> bool:
+    """Whether fits of few samples of this structure end in least squares of its response."""
+    priors = isinstance(structure, Written) and priors_of(structure)
+    told = options.initial_state
+    return (
+        isinstance(structure, Written)
+        and not (priors or options.robust or options.reference)
+        and options.noise in ("output", LOGS)
+        and options.method in ("ml", "awls")
+        and isinstance(told, str)
+        and told in STARTS
+    )
+
+
+def has_gaps(fit: Any) -> bool:
+    """Whether a record has gaps that no sum bridges: `refuse_gap` leaves these to least squares."""
+    return any([gaps(rec).size for rec in fit.records or ()])
 
 
 def is_few(fit: Any) -> bool:
@@ -122,9 +149,13 @@ def is_few(fit: Any) -> bool:
     o, logs = fit.options, fit.options.noise == LOGS
     uneven = [rec for rec in fit.records or () if logs or rec.dt is None]
     known = all([not (logs and rec.sigma is not None) and "smooth" not in rec.intersample for rec in uneven])
-    plain = (o.robust, o.reference) == (False, ()) and o.initial_state in ("unknown", "zero", "rest")
-    unstable = bool(fit.inputs) and growth(fit) > 0  # such as in a loop, which simulations leave
-    return bool(uneven) and known and plain and not unstable and fewest_samples(fit) < FEW_SAMPLES
+    plain = (o.robust, o.reference) == (False, ()) and o.initial_state in STARTS
+    if not (uneven and known and plain):
+        return False
+    if has_gaps(fit):
+        return True
+    unstable = fit.usable and bool(fit.inputs) and growth(fit) > 0  # as in a loop, which simulations leave
+    return not unstable and fewest_samples(fit) < FEW_SAMPLES
 
 
 def _at_few(fit: AnyFit) -> AnyFit:
@@ -144,10 +175,10 @@ def _at_few(fit: AnyFit) -> AnyFit:
     if found is fit or not found.success:
         return replace(fit, unsettled=True)
     error = np.sqrt(fit.cov_nonrobust.diagonal())
+    if fit.options.noise == LOGS or has_gaps(fit):
+        return found
     if sparse(replace(found, noise_cov=fit.noise_cov)) is not None:  # the lines are quieter: another model
         return fit
-    if fit.options.noise == LOGS:
-        return found
     move = np.abs(found.params - fit.params)[error > 0] / error[error > 0]
     wider = (error / np.sqrt(found.cov_nonrobust.diagonal()))[error > 0]
     astray = np.max(move, initial=0.0) > MOVED or np.max(wider, initial=0.0) > WIDER
@@ -284,8 +315,8 @@ class _Descent:
         """The fit with these parameters, and covariances on the scale of those of least squares."""
         left, count = self._left(params)
         steep, fit = self._slopes(params, left), self.fit
-        if self.logs:
-            return self._of_logarithms(params, steep, max(count - params.size, 1))
+        if self.logs or has_gaps(fit):
+            return self._in_white_noise(params, steep, max(count - params.size, 1))
         square = float(left @ left) / max(count - params.size, 1)
         scale = np.zeros(params.size)
         errors = np.sqrt(np.linalg.inv(steep @ steep.T).diagonal() * square)
@@ -296,8 +327,8 @@ class _Descent:
             fit, params=params, noise_cov=fit.noise_cov * np.outer(over, over) * square, status="ok", **covs
         )
 
-    def _of_logarithms(self, params: F64, steep: F64, freedom: int) -> Any:
-        """The same in white noise: few lines, whose sums err, tell nothing of its colour."""
+    def _in_white_noise(self, params: F64, steep: F64, freedom: int) -> Any:
+        """The same where few lines, whose sums err, tell nothing of the noise's colour."""
         off, fit = self._off(params)[0], self.fit
         counts = np.array([np.count_nonzero(own, axis=1) for own in self.own])
         square = np.sum(counts) / freedom

@@ -30,6 +30,7 @@ from ..results.many import FitMany
 from ..systems.frequency_response import FrequencyResponse
 from ..systems.lti import LTI
 from .by_response import by_response
+from .by_samples import ends_at_samples
 from .kinks import bent
 from .many import fit_batch, fit_each
 from .of_equations import fit_equation
@@ -353,7 +354,8 @@ def fit_many(
     checked = Options.checked("fit_many", ("threads", "progress"), **options)
     structure = structure_of(model, "fit_many")
     count = threads_of(threads)
-    given = data if isinstance(data, Batch) else records_of(data, "fit_many", together=False)
+    few = ends_at_samples(structure, checked)
+    given = data if isinstance(data, Batch) else records_of(data, "fit_many", together=False, simulated=few)
     read, notes = read_alike(given, structure, checked, fit_quietly)
     known = checked.initial_state != "unknown"
     past = known and not counts_start(structure, checked, read if isinstance(read, Batch) else read[:1])
@@ -408,7 +410,8 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
             if isinstance(data, FrequencyResponse):
                 result: Fit = fit_response(data, structure, options)
             else:
-                result = by_response(fit_as_read(records_of(data), structure, options, fit_whole))
+                records = records_of(data, simulated=ends_at_samples(structure, options))
+                result = by_response(fit_as_read(records, structure, options, fit_whole))
         except DataError as error:
             if options.band is None or FEW_LINES not in str(error):
                 raise
@@ -421,9 +424,6 @@ def _fitted(data: Any, structure: Any, options: Options) -> Fit:
     for text in remarks:
         warnings.warn(text, ModfunWarning, stacklevel=4)
     return result
-
-
-# What users give ----------------------------------------------------------------------------------
 
 
 def structure_of(model: Any, what: str) -> Any:
@@ -441,10 +441,12 @@ def structure_of(model: Any, what: str) -> Any:
     )
 
 
-def records_of(data: Any, what: str = "fit", *, together: bool = True) -> tuple[Record, ...]:
-    """One record or several of the same channels, as a user gave them; `together`: of one problem."""
+def records_of(
+    data: Any, what: str = "fit", *, together: bool = True, simulated: bool = False
+) -> tuple[Record, ...]:
+    """One record or several of the same channels, `together` of one problem, `simulated` at few samples."""
     if isinstance(data, Record):
-        refuse_gap(what, data)
+        refuse_gap(what, data, simulated)
         return (data,)
     if isinstance(data, Batch):
         raise SpecError(f"{what}: a Batch holds separate replicates; use fit_many(batch, model)")
@@ -465,7 +467,7 @@ def records_of(data: Any, what: str = "fit", *, together: bool = True) -> tuple[
     for k, rec in enumerate(records):
         _refuse_unlike(first, rec, k, what)
         agreeing(f"{what}: record {k}", rec, first.units, "record 0")
-        refuse_gap(f"{what}: record {k}", rec)
+        refuse_gap(f"{what}: record {k}", rec, simulated)
     return records
 
 

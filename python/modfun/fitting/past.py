@@ -91,7 +91,7 @@ def fit_with_past(
     search = _Search(records, structure, options, fit_equation if equations else fit_once)
     fit = search.first(start)
     if not fit.usable:
-        return replace(fit, records=records, options=options)
+        return replace(fit, records=records, options=options, again=fit_once)
     fit = search.on_enough_lines(fit)
     search.inner = on_band(fit, fit.band)
     wider: dict[str, F64] = {}

@@ -31,7 +31,8 @@ def wider_edge(fit: Estimates, records: Sequence[Record], degrees: int, slowest:
     edge, missing = fit.band[1], degrees - fit.df_resid
     if missing <= 0:
         return edge
-    steps = [float(np.median(np.diff(rec.t))) for rec in records]
+    # Of records with gaps the usual step is far shorter than that of sums.
+    steps = [max(float(np.median(np.diff(rec.t))), rec.duration / rec.intervals) for rec in records]
     length = sum([step * count for step, count in zip(steps, fit.intervals, strict=True)])
     most = 2 * pi / (slowest * max(steps))
     return max(edge, min(edge + pi * missing / (length * len(fit.outputs)), most))

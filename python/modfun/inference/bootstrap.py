@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -24,6 +24,7 @@ from ..models.options import Options
 from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.record import Record
+from ..results.derived import as_function
 from ..results.diagnosis import growth
 from ..results.fit import Fit
 from ..results.many import FitMany
@@ -105,7 +106,38 @@ class Bootstrap(FitMany):
         has its tails: those at 2.1 and 97.9 % make an interval of 95 % with 30 degrees. Lines of the wild
         kind are enlarged already. Of R replicates the k-th in order is the quantile k/(R + 1).
         """
-        return self._ends(level)[0]
+        return self._ends(level, self._good(2), self.fit.params)[0]
+
+    def derived(self, **expressions: str | Callable[[Mapping[str, float]], float]) -> Table:
+        """Functions of the parameters with standard errors and intervals from the refits.
+
+        Parameters
+        ----------
+        **expressions : str or callable
+            As in `Fit.derived`.
+
+        Returns
+        -------
+        Table
+            Columns name, value (at the fit's estimate), sd, low and high (95 %, as in `conf_int`), nan where
+            a refit has no value.
+        """
+        value = self.fit.derived(**expressions)["value"]
+        rows = self._good(2)
+        found = np.empty((len(rows), len(value)))
+        for k, (name, given) in enumerate(expressions.items()):
+            function = as_function(name, given, self.param_names)
+            found[:, k] = [function(dict(zip(self.param_names, row, strict=True))) for row in rows.tolist()]
+        ends, _ = self._ends(0.95, found, np.asarray(value))
+        return Table(
+            {
+                "name": list(expressions),
+                "value": value,
+                "sd": found.std(axis=0, ddof=1),
+                "low": ends[:, 0],
+                "high": ends[:, 1],
+            }
+        )
 
     def summary(self, level: float = 0.95) -> Table:
         """Estimate, standard error, bias and interval of each parameter, with Monte Carlo errors.
@@ -121,7 +153,7 @@ class Bootstrap(FitMany):
             Columns parameter, value, bse (the fit's), sd, bias, low and high, `_mcse` beside what the
             number of replicates limits.
         """
-        ends, errors = self._ends(level)
+        ends, errors = self._ends(level, self._good(2), self.fit.params)
         count = len(self._good(2))
         why = f" ({self.why})" if self.why else ""
         return Table(
@@ -142,8 +174,8 @@ class Bootstrap(FitMany):
             f"seed {self.seed}; intervals of {100 * level:g} %",
         )
 
-    def _ends(self, level: float) -> tuple[F64, F64]:
-        """Limits and their Monte Carlo standard errors, each (p, 2).
+    def _ends(self, level: float, replicates: F64, estimate: F64) -> tuple[F64, F64]:
+        """Limits of columns of replicates (R, p) and their Monte Carlo standard errors, each (p, 2).
 
         The k-th of R in order has a probability with a beta distribution of k and R + 1 - k, which gives each
         replicate the weight with which another draw of R has it there (Maritz and Jarrett, 1978).
@@ -151,13 +183,13 @@ class Bootstrap(FitMany):
         from scipy.special import betainc
 
         level = confidence("conf_int", level)
-        theta = np.sort(self._good(2), axis=0)
+        theta = np.sort(replicates, axis=0)
         tail = student_tail(self.fit.df_resid, level) if self.kind == "parametric" else (1 - level) / 2
         tails, count = np.array([tail, 1 - tail]), len(theta)
         place = tails[:, None] * (count + 1)
         shares = np.linspace(0, 1, count + 1)
         weights = np.diff(betainc(place, count + 1 - place, shares), axis=1)
-        about = theta - self.fit.params
+        about = theta - estimate
         spread = weights @ about**2 - (weights @ about) ** 2
         return np.quantile(theta, tails, axis=0, method="weibull").T, root(spread).T
 

@@ -20,7 +20,8 @@ from .mask import leaving_out, runs
 from .samples import Samples
 from .slower import slow_samples
 from .spectra import noise_table, spectrum_of
-from .uneven_rows import written_at_changes
+from .uneven_rows import bridged, unit_of_time, written_at_changes
+from .uneven_rows import gaps as long_gaps
 
 __all__ = [
     "bad_samples",
@@ -129,11 +130,10 @@ def _clock(record: Samples) -> Iterator[str]:
         return
     gaps = np.flatnonzero(steps > 1.5 * usual)
     if gaps.size:
-        worst = int(np.argmax(steps))
+        worst, unit = int(np.argmax(steps)), unit_of_time(record)
         yield (
-            f"Time has {_count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g} s at t = "
-            f"{record.t[worst]:g} s where {usual:.4g} s is usual; split the record there if the signals move "
-            "in the gaps. Fits take such times as they are, but no delays."
+            f"Time has {_count(gaps.size, 'gap')}, the longest of {steps[worst]:.4g}{unit} at t = "
+            f"{record.t[worst]:g}{unit} where {usual:.4g}{unit} is usual. {_fitted(record)}"
         )
         return
     grid = record.t[0] + record.duration / record.intervals * np.arange(len(record.t))
@@ -141,9 +141,18 @@ def _clock(record: Samples) -> Iterator[str]:
     step = rounded_step(record.t)
     rounded = f" If the clock was only rounded, give dt={step:.6g} instead of the times." if step else ""
     yield (
-        f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g} s, and times stray from an even grid by "
-        f"up to {100 * stray:.2g} % of a step.{rounded}"
+        f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g}{unit_of_time(record)}, and times stray "
+        f"from an even grid by up to {100 * stray:.2g} % of a step.{rounded}"
     )
+
+
+def _fitted(record: Samples) -> str:
+    """Which fits take times with gaps."""
+    if not long_gaps(record).size:
+        return "Split the record if inputs moved in a gap. Fits take such times as they are, but no delays."
+    if bridged(record):
+        return "Fits of an mf.Equation take such times as they are, others refuse them."
+    return "Fits refuse it, and say where to split the record."
 
 
 def _joined(record: Samples) -> Iterator[str]:
@@ -172,8 +181,8 @@ def _masked(record: Samples) -> Iterator[str]:
         before, after = max(first - 1, 0), min(first + length, len(good) - 1)
         yield (
             f"Output {name!r}: {int((~good).sum())} of {len(good)} samples masked, {int(length)} in a "
-            f"row at most, a gap of {record.t[after] - record.t[before]:.4g} s from t = "
-            f"{record.t[before]:g} s."
+            f"row at most, a gap of {record.t[after] - record.t[before]:.4g}{unit_of_time(record)} from t = "
+            f"{record.t[before]:g}{unit_of_time(record)}."
         )
 
 

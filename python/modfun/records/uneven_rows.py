@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..base.arguments import real
 from ..base.arrays import F64
+from ..base.names import listed
 from ..base.samples import FEWEST, MOST_SAMPLES, grid_step
 from ..errors import DataError, ModfunWarning, SpecError
 from .dead_band import CHANGES, missing_small
@@ -18,7 +19,7 @@ from .lost_rows import LONGEST, at_rows
 from .mask import present, runs
 from .samples import Samples
 
-__all__ = ["even", "refuse_gap", "written_at_changes"]
+__all__ = ["bridged", "even", "gaps", "refuse_gap", "unit_of_time", "written_at_changes"]
 
 MANY = 10  # usual steps make a gap
 SPREAD = 3.0  # the 90 % quantile of the steps over that of 10 %, at least, of rows written at changes
@@ -26,6 +27,10 @@ OVERSHOT = 1.5  # dead bands: the usual change over long steps, at most; any oth
 PAUSE = 15  # mean steps: of samples at random times, 1 step in 3 million is longer
 MOVED = 0.6  # of a deviation, missed by lines over pauses: of 1.0, 1 fit of 24 was right, of 0.25 5 of 5 were
 STILL = 0.3  # of its deviation: what an input moves around lost rows, at most, where it stood meanwhile
+FEW, OFTEN = (
+    256,
+    0.5,
+)  # samples that are soon simulated; of the steps, at which an input moves that is sampled
 KNOWN = 0.5  # of the longest gap that fits take: apart of values between rows that say "no change"
 
 Own = TypeVar("Own", bound=Samples)
@@ -114,10 +119,37 @@ def _know(good: NDArray[np.bool_]) -> None:
             good[first - 1 + np.arange(1, parts) * (length + 1) // parts] = True
 
 
-def refuse_gap(what: str, rec: Samples) -> None:
-    """Refuse times with a gap longer than what a mask may hide, or pauses in which the outputs move.
+def unit_of_time(rec: Samples) -> str:
+    """What stands behind times in messages: those that nobody gave in seconds may be hours."""
+    return " s" if rec._timed else ""
+
+
+def gaps(rec: Samples) -> NDArray[np.intp]:
+    """Rows before steps longer than what a mask may hide, or else before pauses in which the outputs move.
 
     A single pause of 1 s in 180 s spoils the fit of a system with a period of 2 s.
+    """
+    if rec.dt is not None:
+        return np.empty(0, dtype=np.intp)
+    steps = np.diff(rec.t)
+    long = steps > max(LONGEST * rec.duration, MANY * float(np.median(steps)))
+    return np.flatnonzero(long) if long.any() else _pauses(rec)
+
+
+def bridged(rec: Samples) -> bool:
+    """Whether all is known between the samples of an uneven record, and these are few enough to simulate.
+
+    Inputs are held; one that moves at most samples, as commands of a controller do, moved in a gap, too.
+    """
+    held = not {"smooth", "foh"} & {*rec.intersample}
+    return held and rec.t.size <= FEW and bool(np.all(np.mean(np.diff(rec.u) != 0, axis=1) < OFTEN))
+
+
+def refuse_gap(what: str, rec: Samples, simulated: bool = False) -> None:
+    """Refuse times with a gap that no sum over samples bridges.
+
+    `simulated`: whether the fit ends in least squares of the response, which asks for no samples in a gap
+    where all inputs are known.
 
     Raises
     ------
@@ -126,31 +158,45 @@ def refuse_gap(what: str, rec: Samples) -> None:
     if rec.dt is not None:
         _refuse_lost(what, rec)
         return
+    rows = gaps(rec)
+    if not rows.size or (simulated and bridged(rec)):
+        return
     steps = np.diff(rec.t)
-    at = int(np.argmax(steps))
-    if steps[at] > max(LONGEST * rec.duration, MANY * float(np.median(steps))):
-        where = (
-            f"{what}: the record has no samples between {rec.t[at]:.6g} and {rec.t[at + 1]:.6g} s, "
-            f"{100 * steps[at] / rec.duration:.2g} % of its length"
-        )
-        if _dead_bands(rec):
-            raise DataError(
-                f"{where}, but rows seem to be written only when a value changed, so that none means no "
-                f"change; make it even, mf.fit(rec.resample({grid_step(rec.t):.6g}), model)"
-            )
+    at = rows[np.argmax(steps[rows])] if steps[rows].max() > LONGEST * rec.duration else rows[0]
+    unit = unit_of_time(rec)
+    where = f"{what}: the record has no samples between t = {rec.t[at]:.6g} and {rec.t[at + 1]:.6g}{unit}"
+    if _dead_bands(rec):
         raise DataError(
-            f"{where}; cut it there and fit the pieces together, "
-            f"mf.fit(rec.split(gap={steps[at] / 2:.2g}), model)"
+            f"{where}, but rows seem to be written only when a value changed, so that none means no "
+            f"change; make it even, mf.fit(rec.resample({grid_step(rec.t):.6g}), model)"
         )
-    pauses = _pauses(rec)
-    if pauses.size:
-        more = pauses.size - 1
-        others = f" and in {more} other pause{'s' * (more > 1)}" if more else ""
-        raise DataError(
-            f"{what}: the record has no samples between {rec.t[pauses[0]]:.6g} and "
-            f"{rec.t[pauses[0] + 1]:.6g} s{others}, too long for lines to bridge as the outputs move; cut it "
-            f"there and fit the pieces together, mf.fit(rec.split(gap={steps[pauses].min() / 2:.2g}), model)"
+    if steps[at] > LONGEST * rec.duration:
+        where += f", {100 * steps[at] / rec.duration:.2g} % of its length"
+    else:
+        more = f" and in {rows.size - 1} other pause{'s' * (rows.size > 2)}" if rows.size > 1 else ""
+        where += f"{more}, too long for lines to bridge as the outputs move"
+    raise DataError(f"{where}; {_way_round(rec, rows)}")
+
+
+def _way_round(rec: Samples, rows: NDArray[np.intp]) -> str:
+    """What to do about gaps: a cut, unless it loses samples."""
+    apart = float(np.diff(rec.t)[rows].min()) / 2
+    cut = f"cut it there and fit the pieces together, mf.fit(rec.split(gap={apart:.2g}), model)"
+    if bridged(rec):
+        return (
+            "as all inputs are known there, write the model as an mf.Equation and fit it in "
+            'noise="output" or "log-normal", by "ml": that takes these samples as they are'
         )
+    lengths = np.diff(np.concatenate([[0], rows + 1, [rec.t.size]]))
+    lost = int(lengths[lengths < FEWEST].sum())
+    if not lost or rec.t.size > FEW:
+        return cut
+    moving = listed([name for name, word in zip(rec.inputs, rec.intersample, strict=True) if word != "zoh"])
+    return (
+        f"if {moving or 'the inputs'} stood still between samples, say so, Record(..., "
+        'intersample="zoh"), and an mf.Equation takes these samples as they are; else nothing tells what the '
+        f"inputs did there, and {lost} of {rec.t.size} samples are left out: {cut}"
+    )
 
 
 def _refuse_lost(what: str, rec: Samples) -> None:
@@ -170,8 +216,9 @@ def _refuse_lost(what: str, rec: Samples) -> None:
             if still or _missed(rec.t[rows], u[rows], length * rec.dt) <= u.var():
                 continue
             raise DataError(
-                f"{what}: the record has no samples between {rec.t[ends[0]]:.6g} and {rec.t[ends[1]]:.6g} s, "
-                f"where the input {name!r} moves, and nothing tells how; cut it there and fit the pieces "
+                f"{what}: the record has no samples between t = {rec.t[ends[0]]:.6g} and "
+                f"{rec.t[ends[1]]:.6g}{unit_of_time(rec)}, where the input {name!r} moves, and nothing tells "
+                "how; cut it there and fit the pieces "
                 f"together, mf.fit(rec.split(gap={length * rec.dt / 2:.2g}), model)"
             )
 

@@ -18,7 +18,7 @@ from ..systems.polynomials import roots
 from .estimates import Estimates
 from .gradients import differences, root_gradients
 
-__all__ = ["bode", "cancelling", "damp", "derived", "gain_errors", "stable"]
+__all__ = ["as_function", "bode", "cancelling", "damp", "derived", "gain_errors", "stable"]
 
 UNITS = dict.fromkeys(("pole", "omega", "omega_bse"), "rad/s") | dict.fromkeys(
     ("time_constant", "time_constant_bse"), "s"
@@ -39,7 +39,7 @@ def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[st
         raise SpecError('derived: give name=expression, as fit.derived(wn="sqrt(a2)")')
     values, errors = [], []
     for name, given in expressions.items():
-        function = _function(name, given, fit.param_names)
+        function = as_function(name, given, fit.param_names)
         value, gradient = _gradient(name, function, fit)
         values.append(value)
         bound = any(gradient[fit.param_names.index(own)] != 0 for own in fit.at_bound)  # its error is unknown
@@ -48,7 +48,8 @@ def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[st
     return Table({"name": list(expressions), "value": values, "bse": errors, "low": low, "high": high})
 
 
-def _function(name: str, given: Any, names: Sequence[str]) -> Callable[[Mapping[str, float]], float]:
+def as_function(name: str, given: Any, names: Sequence[str]) -> Callable[[Mapping[str, float]], float]:
+    """What a user gave under a name, an expression or a function of a mapping, as the latter."""
     if isinstance(given, str):
         # A name such as b0[q,de] is not a word of the language: it is read under one that is.
         words = {name: f"p{k}_" for k, name in enumerate(names) if not name.isidentifier() and name in given}

@@ -58,6 +58,7 @@ __all__ = [
 FEW_SAMPLES = 8.0  # a period of the highest harmonic
 CONDITION = 1e6
 SURE = 1e-4  # p-value below which a fit warns by itself
+AGAINST = 0.005  # the same of a prior, one test: what a user told is rather wrong than so unlikely
 FINEST = 1e-3  # of an output: finer residuals may be errors of the quadrature
 BLOCK = 2**16  # samples
 # Share of the outputs' power below the edge of a band: in the wrong unit at most, in the right at least.
@@ -343,7 +344,7 @@ def unexpected(fit: Estimates) -> Doubt | None:
         f"The record contradicts what was told of {name} beforehand, {mean:.4g} ± {sd:.3g} (p = {p:.2g}), "
         f"and the estimate, {fit[name]:.4g}, is a compromise. First fit without the prior, "
         f"params={{{name!r}: mf.Free()}}.",
-        sure=p < SURE,
+        sure=p < AGAINST,
     )
 
 

@@ -11,6 +11,7 @@ from ..base.cached import kept
 from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.options import Options
+from ..records.uneven_rows import unit_of_time
 from .cures import again
 from .doubts import Doubt, rms
 from .estimates import Estimates
@@ -60,9 +61,15 @@ def sparse(fit: Estimates) -> Doubt | None:
                 return Doubt(
                     f"The simulated {name} is {size:.3g} (rms) off its samples, {ratio:.2g} "
                     "times the noise on the lines: the signals move between samples, which are up to "
-                    f"{np.diff(rec.t).max():.3g} s apart, or the model is another. {_cure(fit)}"
+                    f"{np.diff(rec.t).max():.3g}{unit_of_time(rec)} apart, or the model is another. "
+                    f"{_cure(fit)}"
                 )
     return None
+
+
+def _widest(fit: Estimates) -> tuple[float, str]:
+    """The longest step of the records, and its unit."""
+    return max((float(np.diff(rec.t).max()), unit_of_time(rec)) for rec in fit.records or ())
 
 
 def _cure(fit: Estimates) -> str:
@@ -80,11 +87,11 @@ def _unsettled(fit: Estimates) -> Doubt | None:
     """
     if not getattr(fit, "unsettled", False) or suspicious(fit):  # of equations
         return None
-    step = max(float(np.diff(rec.t).max()) for rec in fit.records or ())
+    step, unit = _widest(fit)
     upto = "" if all(rec.dt for rec in fit.records or ()) else "up to "
     return Doubt(
-        f"Sums over the samples err, since the signals move between them: they are {upto}{step:.3g} s apart. "
-        f"The correction by the fit's own response did not settle. {_cure(fit)}"
+        "Sums over the samples err, since the signals move between them: they are "
+        f"{upto}{step:.3g}{unit} apart. The correction by the fit's own response did not settle. {_cure(fit)}"
     )
 
 
@@ -116,8 +123,8 @@ def of_sums(
         return None
     if not float(other.params[other.param_names.index(name)]) / off > ALIKE:
         return None
-    step = max(float(np.diff(rec.t).max()) for rec in records)
+    step, unit = _widest(fit)
     return Doubt(
-        f"The signals move between samples, which are {step:.3g} s apart, so that sums over them err: "
+        f"The signals move between samples, which are {step:.3g}{unit} apart, so that sums over them err: "
         f"{seen}, and a simulation with that number at the same instants differs alike. {_cure(fit)}"
     )

@@ -174,6 +174,17 @@ def test_a_record_that_contradicts_its_prior_is_said() -> None:
     assert dict(held.summary().facts)["Prior"] == "a1 = 1 ± 1e-09; the record says nothing beside it"
 
 
+@pytest.mark.parametrize("seed", [1, 8, 17, 36])
+def test_what_check_says_of_a_prior_is_warned_of(seed: int) -> None:
+    """p = 0.0004 to 0.002, six of its standard deviations off: only check() and summary() said so."""
+    rec = mf.simulate(
+        mf.tf([1.5, 4], [1, 1.4, 6.2]), input="sin(t**2/6)", duration=8.0, intervals=200, nsr=0.1,
+        initial_state="random", seed=seed,
+    )  # fmt: skip
+    with pytest.warns(mf.errors.ModfunWarning, match=r"told of a1 beforehand, 2 ± 0.1 \(p = 0.00"):
+        mf.fit(rec, mf.TransferFunction(poles=2, zeros=1, params={"a1": mf.Free(2.0, sd=0.1)}))
+
+
 @pytest.mark.statistics
 def test_true_priors_are_seldom_contradicted() -> None:
     """300 draws: p-values below 0.1 in 4 to 17 % (false alarm below 1 in 1,000)."""

@@ -40,6 +40,21 @@ def boot(request: pytest.FixtureRequest, fit: mf.Fit) -> Any:
     return mf.bootstrap(fit, replicates=500, seed=3, kind=request.param)
 
 
+def test_functions_of_the_parameters_have_intervals_of_their_refits(fit: mf.Fit, boot: Any) -> None:
+    """Those of a monotone function are its values at the parameter's; errors are those of the delta method."""
+    text = "a1/(2*sqrt(a2))"
+    table = boot.derived(zeta=text, same="a1", late=lambda p: np.exp(p["a1"]))
+    np.testing.assert_allclose(table["value"][0], fit["a1"] / (2 * np.sqrt(fit["a2"])))
+    own = boot.conf_int()[0]
+    np.testing.assert_allclose([table["low"][1], table["high"][1]], own)
+    np.testing.assert_allclose([table["low"][2], table["high"][2]], np.exp(own), rtol=1e-3)
+    assert table["sd"][1] == pytest.approx(boot.sd[0])
+    slope = np.array([0.5 / np.sqrt(fit["a2"]), -0.25 * fit["a1"] / fit["a2"] ** 1.5, 0.0])
+    assert table["sd"][0] == pytest.approx(np.sqrt(slope @ boot.cov_params() @ slope), rel=0.05)
+    with pytest.raises(mf.SpecError, match="fit.derived"):
+        boot.derived()
+
+
 # Scatter ------------------------------------------------------------------------------------------
 
 

@@ -34,10 +34,10 @@ def test_pauses_in_which_outputs_move_are_refused(model):
     """Each is below a tenth of the record; fits ended in 75 s, by a crash, or told of poles too many."""
     rec = paused(0, (10, 12), (20, 23), (28, 30))
     with pytest.raises(
-        DataError, match=r"between 9\.9\d and 12\.0\d s and in 2 other pauses, .*split\(gap=1\)"
+        DataError, match=r"between t = 9\.9\d and 12\.0\d and in 2 other pauses, .*split\(gap=1\)"
     ):
         mf.fit(rec, model)
-    with pytest.raises(DataError, match=r"record 1: .* between 9\.9\d and 11(\.0\d)? s, too long"):
+    with pytest.raises(DataError, match=r"record 1: .* between t = 9\.9\d and 11(\.0\d)?, too long"):
         mf.fit([paused(0), paused(0, (10, 11))], model)
     assert len(rec.split(gap=1)) == 4
 
@@ -84,7 +84,7 @@ def test_rows_lost_while_an_input_moves_are_refused():
     rec = lost(0, (10, 12), (30, 32))
     assert rec.dt == pytest.approx(0.02)
     with pytest.raises(
-        DataError, match=r"between 10 and 12 s, where the input 'de' moves.*split\(gap=0\.99\)"
+        DataError, match=r"between t = 10 and 12, where the input 'de' moves.*split\(gap=0\.99\)"
     ):
         mf.fit(rec, PLANT)
     assert [piece.mask for piece in rec.split(gap=0.99)] == [None] * 3

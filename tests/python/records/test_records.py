@@ -257,7 +257,7 @@ def test_split_at_gaps(rec):
         cut.split(gap=0.0)
     model = mf.TransferFunction(poles=1, zeros=0)
     with pytest.raises(
-        DataError, match=r"no samples between 2\.98 and 5\.02 s, .*mf\.fit\(rec\.split\(gap=1\)"
+        DataError, match=r"no samples between t = 2\.98 and 5\.02, .*mf\.fit\(rec\.split\(gap=1\)"
     ):
         mf.fit(cut, model)
     with pytest.raises(DataError, match="record 1: the record has no samples"):
