@@ -27,10 +27,8 @@ OVERSHOT = 1.5  # dead bands: the usual change over long steps, at most; any oth
 PAUSE = 15  # mean steps: of samples at random times, 1 step in 3 million is longer
 MOVED = 0.6  # of a deviation, missed by lines over pauses: of 1.0, 1 fit of 24 was right, of 0.25 5 of 5 were
 STILL = 0.3  # of its deviation: what an input moves around lost rows, at most, where it stood meanwhile
-FEW, OFTEN = (
-    256,
-    0.5,
-)  # samples that are soon simulated; of the steps, at which an input moves that is sampled
+FEW = 256  # samples that are soon simulated
+OFTEN = 0.5  # of the steps, at which an input moves that is sampled
 KNOWN = 0.5  # of the longest gap that fits take: apart of values between rows that say "no change"
 
 Own = TypeVar("Own", bound=Samples)
