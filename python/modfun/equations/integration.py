@@ -159,7 +159,7 @@ def integrate(
     most = (FEWER if rtol >= ROUGH else MOST[0]) + MOST[1] * grid.size
     x = starts[:, :, None]
     for _ in range(3):
-        own = np.hstack([theta.T, np.tile(width, (len(first), 1))])
+        own = np.ascontiguousarray(np.hstack([theta.T, np.tile(width, (len(first), 1))]))
         found, left, largest = _counted(tape, grid, drives, list(pasts), first, own, rtol, absolute, most)
         if left is not None and largest is not None:
             raise DataError(

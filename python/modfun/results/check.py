@@ -433,7 +433,7 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((bounded, unsettled, unstable))
         if said[early_output]:
             said |= dict.fromkeys((limited_input, bounded))
-        found = list(said.values())
+        found = [doubt for look, doubt in said.items() if look is not flips]
         note = noise_free(whole)
         first = (
             coded,
@@ -479,6 +479,7 @@ def check(fit: Estimates, line: str) -> Findings:
             found += [] if slow else [None if named else of_drift(whole), of_colour(whole, d)]
             found += [(None if sure else multiplied(whole)) or of_time(whole)]
         found += [
+            said[flips],  # after what residuals tell beyond doubt, which noise in signs does not explain
             None if said[wandering] else undeclared(whole),
             biased(fit),
             lopsided(fit),

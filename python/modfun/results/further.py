@@ -54,8 +54,8 @@ class Explained:
         spectrum. Of an event Fisher's. Small: the columns belong to the residuals.
     bic : float
         By how much a fit with these columns would lower N log(cost/N) + p log N; positive: it pays.
-    time : float
-        Of an event or a spike, s on the record's clock; else nan.
+    time, record : float, int
+        Of an event or a spike, s on the clock of the record at this position; else nan.
     """
 
     what: str
@@ -64,6 +64,7 @@ class Explained:
     p_value: float
     bic: float
     time: float = nan
+    record: int = 0
 
 
 def further(fit: Estimates, enough: float = 1.0) -> tuple[Explained, ...]:
@@ -180,7 +181,7 @@ def event(fit: Estimates) -> Explained | None:
         start = float(rec.t[rec.intervals - fit.intervals[k]])
     time = start + at / (4 * lines) * 2 * np.pi / fit.omega0[k]
     gain = -2 * lines * log(max(1 - share, 1e-300)) - 3 * log(2 * lines)
-    return Explained("event", fit.row_names[i], i, p, gain, time)
+    return Explained("event", fit.row_names[i], i, p, gain, time, k)
 
 
 def event_p(fit: Estimates) -> float:
@@ -228,7 +229,7 @@ def _spikes(fit: Estimates, i: int, simulated: Sequence[F64 | None]) -> list[Exp
         p = min(1.0, 2 * far.size * len(fitted(fit)) * float(ndtr(-far[at] / usual)))
         share = min(float(far[at] ** 2 / np.sum(far**2)), 1 - 1e-9)
         gain = -far.size * log(1 - share) - 2 * log(far.size)
-        found.append(Explained("spike", fit.outputs[i], i, p, gain, float(rec.t[first + at])))
+        found.append(Explained("spike", fit.outputs[i], i, p, gain, float(rec.t[first + at]), k))
     return found
 
 

@@ -459,15 +459,19 @@ def _words(fit: Estimates, one: Explained, y: str, chance: str) -> str:
         )
     if one.what == "drift":
         return f'The residuals of {y} hold a slow drift ({chance}). First try trend="linear".'
+    several = len(fit.pieces) > 1
+    where = f" s of record {one.record}" if several else " s"
     if one.what == "spike":
+        rec = f"records[{one.record}]" if several else "rec"
         return (
-            f"The sample of {y} at t = {one.time:.6g} s is far from all that the model and its noise explain "
-            f"({chance}). First leave it out, rec.weigh(mask=rec.t != t), or weight all samples, robust=True."
+            f"The sample of {y} at t = {one.time:.6g}{where} is far from all that the model and its noise "
+            f"explain ({chance}). First leave it out, {rec}.weigh(mask={rec}.t != {one.time!r}), or weight "
+            "all samples, robust=True."
         )
     return (
-        f"Something short at about t = {one.time:.6g} s is in {y} and not in the model ({chance}). First "
-        "look there, fit.plot_response(), for a gust, a step of another input, a fault, or records joined "
-        "end to end."
+        f"Something short at about t = {one.time:.6g}{where} is in {y} and not in the model ({chance}). "
+        "First look there, fit.plot_response(), for a gust, a step of another input, a fault, or records "
+        "joined end to end."
     )
 
 

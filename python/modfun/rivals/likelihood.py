@@ -38,7 +38,7 @@ __all__ = ["OutputErrorFit", "most_likely"]
 FLOOR = 1e-8  # of an output's rms: what integration and rounding leave of a record without noise
 SETTLED = 1e-8  # a step that promises no more of −log likelihood has arrived: 1e-4 standard errors
 STUCK = 1e-3  # the same where no step, however short, is better: 3 % of a standard error
-MOST_DAMPED = 1e8
+DAMPED, MOST_DAMPED = 1e4, 1e8  # where a kink is looked for, and where a search ends
 PIECES = (4, 16, 64)  # of a record: 10 s of Lorenz's system, nine times the e-folding time, take 16
 TOLD = 0.3  # of a direction of unit length: a parameter that takes part in it
 SHORTEST = 20  # intervals of a piece, which has an initial state of its own
@@ -144,6 +144,11 @@ class _Problem:
         if not all(floor.all() for floor in self.floors):
             raise FitError(f"{WHAT}: an output is zero throughout, its parameters cannot be found")
         self.drifts = [_drift(trend, rec) for rec in self.records]
+
+    def is_kinked(self, theta: F64) -> bool:
+        """Whether responses have kinks in the unknowns: states stop and stick."""
+        known = self.known(theta)
+        return isinstance(known, Equations) and known.model.form.slides
 
     def known(self, theta: F64) -> Known:
         """The structure with these parameters."""
@@ -321,16 +326,17 @@ def _starts(problem: _Problem, start: Mapping[str, float] | None) -> list[F64]:
 
 def _started(problem: _Problem, points: Sequence[F64]) -> _Point:
     """The best of these parameters, with its initial states and trends."""
-    found = []
+    found, why = [], ""
     for theta in points:
         try:
             with np.errstate(all="ignore"):
                 found.append(problem.at(problem.complete(np.clip(theta, problem.low, problem.high))))
-        except (ModfunError, np.linalg.LinAlgError):
-            continue
+        except (ModfunError, np.linalg.LinAlgError) as error:
+            why = f" ({error})"
     finite = [point for point in found if point is not None]
     if not finite:
-        raise FitError(f"{WHAT}: no start with a finite response; give one, start={{name: value}}")
+        cure = "give another start" if problem.started else "give one, start={name: value}"
+        raise FitError(f"{WHAT}: no start with a finite response{why}; {cure}")
     return min(finite, key=lambda point: point.cost)
 
 
@@ -350,6 +356,7 @@ def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]
         promised = float(np.sum(seen[kept] ** 2)) / 2  # by the undamped step
         if promised <= SETTLED:
             return here, nit
+        beyond: list[_Point] = []  # where steps ended that lowered nothing
         while True:
             if nit >= maxiter:
                 raise FitError(
@@ -364,7 +371,14 @@ def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]
             if there is not None and there.cost < here.cost:
                 here, damping = there, max(damping / 10, 1e-12)
                 break
+            beyond += [there] if there is not None else []
             damping = max(damping, 1e-8) * 10
+            if promised > STUCK and damping > DAMPED and beyond and problem.is_kinked(here.x[:p]):
+                turn = (right / size)[kept] / values[kept, None]
+                seen[kept] = _along_kink(problem, seen[kept], turn, beyond)
+                beyond, damping, promised = [], 1e-3, float(np.sum(seen[kept] ** 2)) / 2
+                if promised <= STUCK:
+                    return here, nit
             if damping > MOST_DAMPED:
                 if promised <= STUCK or _exact(problem, here):
                     return here, nit
@@ -372,6 +386,25 @@ def _search(problem: _Problem, here: _Point, maxiter: int) -> tuple[_Point, int]
                     f"{WHAT}: no step lowers the criterion"
                     + (_hardly_told(problem, jacobian) or f"; {start}")
                 )
+
+
+def _along_kink(problem: _Problem, seen: F64, turn: F64, beyond: Sequence[_Point]) -> F64:
+    """The slope of the criterion along a kink: of that at a point, `seen`, and those where its steps ended.
+
+    States stop, stick and start at instants which pass samples: the response has kinks there, and the best
+    parameters may be on one, where steps down either side end on the other. Of the mixtures of the slopes of
+    both sides the shortest leads down along the kink, or is none where nothing does.
+
+    `turn`: unknowns' slopes to those in which squared residuals are round, in units of which it is short.
+    """
+    shortest = seen
+    for there in beyond:
+        jacobian, target = problem.whitened(there)
+        change = turn @ (jacobian.T @ target) - seen
+        share = np.clip(-(seen @ change) / max(float(change @ change), 1e-300), 0.0, 1.0)
+        mixed = seen + share * change
+        shortest = min(shortest, mixed, key=lambda one: float(one @ one))
+    return shortest
 
 
 def _hardly_told(problem: _Problem, jacobian: F64) -> str:

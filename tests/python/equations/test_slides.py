@@ -25,6 +25,13 @@ def test_a_relay_holds_a_level():
     np.testing.assert_allclose(temperature, np.minimum(16 + 2 * T, 20.0), atol=1e-4)
 
 
+def test_one_state_from_several_starts_with_parameters_of_their_own():
+    model = mf.Equation("v' = -fc*sign(v) + u", outputs=["v"], inputs=["u"]).model({"fc": 1.0})
+    starts, friction = np.array([[1.0, 2.0, 3.0]]), np.array([[1.0, 2.0, 1.5]])
+    y, _ = model.family([np.zeros(T.size)], T, starts, "zoh", params=friction)
+    np.testing.assert_allclose(y[0], np.maximum(starts.T - friction.T * T, 0.0), atol=1e-5)
+
+
 def test_a_fit_with_dry_friction_that_sticks_predicts_in_a_moment():
     equation = mf.Equation(["x' = v", "v' = -k*x - fc*sign(v) + u"], outputs=["x", "v"], inputs=["u"])
     t = np.arange(0, 20.0, 0.02)

@@ -156,3 +156,15 @@ def test_noise_of_logarithms_is_that_of_logarithms():
     still = 20000 * np.exp(-0.05 * t + 1e-7 * np.random.default_rng(1).normal(size=t.size))
     fit = mf.fit(mf.Record(y=still, dt=1.0), mf.Equation("y' = -k*y"), noise="log-normal")
     assert "no noise to test" in str(fit.check())
+
+
+def test_an_outlying_sample_is_named_with_its_record_and_a_mask_that_leaves_it_out():
+    fit = next(fits(1))
+    rec = fit.records[0]
+    y = rec["y"].copy()
+    y[300] += 1.0
+    records = [rec, rec.assign(y=y)]
+    with pytest.warns(mf.ModfunWarning, match=r"sample of y at t = 11\.\d+ s of record 1 is far"):
+        text = next(iter(mf.fit(records, TWO).check()))
+    found = re.search(r"records\[1\]\.weigh\(mask=records\[1\]\.t != [\d.]+\)", text)
+    assert np.flatnonzero(~eval(found[0], {"records": records}).mask[0]).tolist() == [300]
