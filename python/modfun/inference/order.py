@@ -25,9 +25,11 @@ from ..models.options import Choices, Options
 from ..models.transfer_function import TransferFunction
 from ..models.transfer_words import MOST_POLES, Delay
 from ..records.record import Record
+from ..results.cures import STRONG, again
 from ..results.derived import cancelling
 from ..results.diagnosis import high_band_df
 from ..results.fit import Fit
+from ..results.slow_poles import drift_imitated
 from ..systems.polynomials import roots_of
 from . import drawing
 from .common import change_of_noise, levels
@@ -36,7 +38,9 @@ from .race import Race
 __all__ = ["OrderSelection", "select_order"]
 
 CANCELS = 1.0  # standard errors; with 2, a true pair that the noise blurs is lost (docs/order.md)
+MOVES = 6.0  # of the criterion, below all others: a pair that cancels moves by itself, as a drift does
 MOST = 100  # numbers of poles
+WORDS = {"calibrated_bic": "calibrated BIC", "bic": "BIC"}
 LOOK = 1e-5  # precision of estimates that only say which band is needed
 
 
@@ -66,7 +70,8 @@ class OrderSelection:
     sigma : float
         Noise level that calibrates, of a sample of the output; nan with "bic".
     notes : tuple of str
-        What was done and why, in sentences.
+        What was done and why, in sentences; also that the output drifts, where ``trend="linear"`` explains
+        the record better.
 
     See Also
     --------
@@ -210,11 +215,11 @@ def select_order(
     for structure in structures:
         structure.layout(records[0].outputs, records[0].inputs)
     sought = checked.band is None and checked.harmonics is None
-    rounds, done = 2 + sought, count(1)  # fits by themselves, a look, the comparison
+    rounds, done = 2 + sought, count(1)  # fits by themselves, a look, the comparison; one beside a drift
     with Progress(progress, "select_order", "fits") as bar:
-        bar(0, rounds * len(structures))
+        bar(0, rounds * len(structures) + 1)
         structures, largest, too_large = _determined(records, structures, checked)
-        total = rounds * len(structures)
+        total = rounds * len(structures) + 1
         words = decided_by_fit([records], structures, checked, best_of)
         records = read_as(records, words)
 
@@ -232,7 +237,7 @@ def select_order(
             look = _Judged(race, race.run(band, LOOK), band)
             band = (band[0], min(band[1], max(least, race.fits[look.best].band[1])))
         judged = _Judged(race, race.run(band), band)
-    return judged.selection((*in_sentences(words), *too_large))
+        return judged.selection((*in_sentences(words), *too_large))
 
 
 def _determined(
@@ -342,11 +347,16 @@ class _Judged:
         return next((k for k in settled if not self.fits[k].high_band_sigma > spread), ranked[0])
 
     @cached_property
+    def lowest(self) -> int:
+        """The candidate of the lowest score."""
+        return int(np.argmin(self.score))
+
+    @cached_property
     def best(self) -> int:
-        """The candidate of the lowest score in which no pole and zero cancel, if there is one."""
-        ranked = np.argsort(self.score, kind="stable").tolist()
-        sound = (k for k in ranked if isfinite(self.score[k]) and not self.apart(k) < CANCELS)
-        return next(sound, int(np.argmin(self.score)))
+        """The candidate of the lowest score in which no pole and zero cancel, if one comes near."""
+        near = np.flatnonzero(self.score <= self.score[self.lowest] + MOVES)
+        ranked = near[np.argsort(self.score[near], kind="stable")].tolist()
+        return next((k for k in ranked if not self.apart(k) < CANCELS), self.lowest)
 
     def apart(self, k: int) -> float:
         """Standard errors between the pole and the zero of a candidate that are nearest to cancelling."""
@@ -360,6 +370,36 @@ class _Judged:
         """That the noise changes over the records."""
         ranked = [self.best, *np.argsort(self.score, kind="stable").tolist()]
         return change_of_noise(self.fits[k] for k in ranked if isfinite(self.score[k]))
+
+    def drift(self) -> str:
+        """That a drift of the output explains the record better than the candidates, in words."""
+        for k in dict.fromkeys((self.best, self.lowest)):
+            if text := drift_imitated(self.fits[k]):
+                return text
+        fall = self._fall()
+        if not fall > STRONG:
+            return ""
+        return (
+            f'With trend="linear", the {WORDS[self.criterion]} of the chosen candidate falls by {fall:.3g}: '
+            "the output drifts."
+        )
+
+    def _fall(self) -> float:
+        """By how much a drift lowers the criterion of the chosen candidate."""
+        best = self.fits[self.best]
+        if best.trend != "constant":
+            return nan
+        other: Any = again(best, best.records, best.structure, best.options.replace(trend="linear"))
+        if other is None:
+            return nan
+        (row,) = self.race.run(self.band, fits=(other,))
+        if not row["usable"]:
+            return nan
+        before, after = float(self.mean[self.best]), row["cost"] / (row["df_resid"] + row["theta"].size)
+        if not min(before, after) > 0:
+            return nan
+        fall = (before - after) / self.sigma**2 if isfinite(self.sigma) else log(before / after)
+        return self.n * fall - log(self.n)
 
     def selection(self, notes: tuple[str, ...]) -> OrderSelection:
         from scipy.special import fdtrc
@@ -386,7 +426,9 @@ class _Judged:
             "status": [row["status"] for row in rows],
         }
         notes = (*self.notes, *notes, *self.of_time())
-        if not columns["stable"][best]:
+        if drift := self.drift():
+            notes = (f'{drift} First try mf.select_order(..., trend="linear").', *notes)
+        elif not columns["stable"][best]:
             notes += (
                 f"The chosen candidate is unstable: a pole has real part {growths[best]:.3g} rad/s. "
                 "Right for an unstable system; else take the best of those that the table calls stable.",
@@ -410,11 +452,10 @@ def _growth(row: dict[str, Any]) -> float:
 def _chosen(structure: TransferFunction, best: int, score: F64, criterion: str, n: int) -> str:
     others = np.delete(score, best)
     ahead = float(np.min(others) - score[best]) if others.size else inf
-    words = {"calibrated_bic": "calibrated BIC", "bic": "BIC"}[criterion]
     lead = (
         f"{ahead:.3g} below the next"
         if ahead >= 0
         else f"{-ahead:.3g} above a candidate that was dropped because a pole and a zero of it cancel"
     )
     tail = f", {lead}" if isfinite(ahead) else ""
-    return f"Chosen: {structure!r}, {words} over {n} real equations{tail}."
+    return f"Chosen: {structure!r}, {WORDS[criterion]} over {n} real equations{tail}."

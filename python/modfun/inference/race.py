@@ -98,20 +98,22 @@ class Race:
         lines = 3 * (fit.params.size + (fit.trend is not None) + (fit.trend == "linear")) + self.transient
         return max(lines * w for w in fit.omega0)
 
-    def run(self, band: tuple[float, float], tol: float = 0.0) -> list[dict[str, Any]]:
-        """What each candidate leaves on the band."""
+    def run(
+        self, band: tuple[float, float], tol: float = 0.0, fits: tuple[Fit, ...] | None = None
+    ) -> list[dict[str, Any]]:
+        """What each candidate, or each of other `fits`, leaves on the band."""
+        fits = self.fits if fits is None else fits
         if self.apart:
-            return self._by_themselves(band)
+            return self._by_themselves(fits, band)
         edges = (band[0], band[1] * (1 + 1e-9))
-        return self._together(
-            self.options.replace(harmonics=None, band=edges, tol=max(self.options.tol, tol)), band[1]
-        )
+        options = self.options.replace(harmonics=None, band=edges, tol=max(self.options.tol, tol))
+        return self._together(fits, options, band[1])
 
-    def _by_themselves(self, band: tuple[float, float]) -> list[dict[str, Any]]:
+    def _by_themselves(self, fits: tuple[Fit, ...], band: tuple[float, float]) -> list[dict[str, Any]]:
         """Every candidate by a fit of its own."""
         rows: list[dict[str, Any]] = []
         best: Fit | None = None
-        for own in self.fits:
+        for own in fits:
             made = _grown_up(rows, own, band, _on_band(own, band, best))
             if made is not None and made.success and not (best and _mean(best) < _mean(made)):
                 best = made
@@ -119,17 +121,17 @@ class Race:
             self.on_candidate()
         return rows
 
-    def _together(self, options: Options, edge: float) -> list[dict[str, Any]]:
+    def _together(self, fits: tuple[Fit, ...], options: Options, edge: float) -> list[dict[str, Any]]:
         """Every candidate in the core, each from several starts: larger ones have many minima."""
         rows: list[dict[str, Any]] = []
         core = None
-        for own in self.fits:
+        for own in fits:
             core = Fitter(
                 [rec.y.shape[1] for rec in self.records],
                 [rec.t if rec.dt is None else rec.dt for rec in self.records],
                 beside=core,
                 transient=own.order if self.folded else self.transient,
-                **plain_words(own.layout, forms_of(self.records), options),
+                **plain_words(own.layout, forms_of(self.records), options.replace(trend=own.trend)),
             )
             starts: list[F64] = [own.params] if np.all(np.isfinite(own.params)) else []
             starts += [s for row in rows if row["usable"] for s in _grown(row, own, 3 * edge)]

@@ -72,6 +72,7 @@ from .powers import not_linear
 from .runaway import runaway
 from .slow_inputs import slow_input
 from .slow_noise import slow_noise
+from .slow_poles import slow_pole
 from .sparse import sparse
 from .stand_in import stand_in
 from .still_inputs import of_still_inputs
@@ -433,7 +434,8 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((bounded, unsettled, unstable))
         if said[early_output]:
             said |= dict.fromkeys((limited_input, bounded))
-        found = [doubt for look, doubt in said.items() if look is not flips]
+        found = [None if said[unseen_event] else slow_pole(whole)]
+        found += [doubt for look, doubt in said.items() if look is not flips]
         note = noise_free(whole)
         first = (
             coded,

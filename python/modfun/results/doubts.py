@@ -41,6 +41,7 @@ __all__ = [
     "in_hertz",
     "in_two_units",
     "joined",
+    "may_integrate",
     "minima",
     "noise_bends",
     "noise_free",
@@ -255,8 +256,8 @@ def unstable(fit: Estimates) -> Doubt | None:
         return None
     visible = growing * longest > VISIBLE
     doubtful = fit.layout.rational and visible and growing < CERTAIN * _growing(fit, fit.cov_params())[1]
-    if fit.layout.rational and not visible and (told := _integrator(fit)):
-        return Doubt(told, sure=False)
+    if may_integrate(fit):
+        return None  # which `slow_pole` says
     cure = f"try another number of poles, select_order{_stable_words(fit)}"
     if not fit.layout.rational:
         cure = "look for a term, a sign or a unit that is wrong"
@@ -290,8 +291,12 @@ def _stable_words(fit: Estimates) -> str:
     return ", or the nearest stable model, fit.stable()" if fit.layout.rational and fit.inputs else ""
 
 
-def _integrator(fit: Estimates) -> str:
-    """That noise alone may have moved the pole of the largest real part from 0, and what holds it there."""
+def may_integrate(fit: Estimates) -> str:
+    """That noise alone may have moved a pole to the right of 0, and what holds it there; "" of others."""
+    if not (
+        fit.layout.rational and fit.omega0 and 0 < growth(fit) * 2 * math.pi / min(fit.omega0) <= VISIBLE
+    ):
+        return ""
     i, error, pole = _growing(fit, fit.cov_nonrobust)  # others take long for long records
     name = fit.layout.names[fit.layout.places[0][i] + fit.layout.orders[i] - 1]
     if pole.imag or pole.real > TOLD * error or name not in fit.param_names:

@@ -10,7 +10,7 @@ import numpy as np
 from .._core import pooled_power
 from .coloured_load import in_coloured_noise, moved_by_weights
 from .cures import DRIFT, ENOUGH, again, likely_cure
-from .diagnosis import diagnose
+from .diagnosis import diagnose, level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
 from .followers import in_loop
@@ -50,7 +50,9 @@ def slow_noise(fit: Estimates, warnings_of: Warned) -> Doubt | None:
     if not (seen or moved) or found == "process":
         return None
     drift = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"), near=True)
-    if drift is None or not refuted(drift) or _structural(fit, drift):
+    if drift is None or not refuted(drift) or level_p(fit) < SURE < ENOUGH < level_p(drift):
+        return None  # chance refutes one of some thousand drifts that leave the noise alone
+    if _structural(fit, drift):
         return None
     weighted = _weighted(fit, warnings_of)
     if weighted is None:

@@ -409,7 +409,7 @@ def test_orders_beyond_the_record_are_left_out():
 def test_a_long_search_says_how_far_it_is(capsys):
     rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10, intervals=256, nsr=0.1, seed=0)
     mf.select_order(rec, poles=[1, 2], progress=True)
-    assert "select_order: 0 of 9 (0 %)" in capsys.readouterr().err
+    assert "select_order: 0 of 10 (0 %)" in capsys.readouterr().err
     mf.select_order(rec, poles=[1, 2], progress=False)
     assert capsys.readouterr().err == ""
     with pytest.raises(mf.SpecError, match='progress=3 must be "auto", True or False'):

@@ -160,3 +160,14 @@ def test_white_noise_is_not_called_slow() -> None:
         white = np.random.default_rng(seed).standard_normal(clean.t.size)
         rec = clean.assign(y=clean["y"] + 0.3 * np.sqrt(np.mean(clean["y"] ** 2)) * white)
         assert _fitted(rec, THREE)[1] == ""
+
+
+def test_a_drift_that_leaves_the_noise_alone_comes_first():
+    """Neighbouring lines were correlated beside it by chance, with a p-value of 1e-4, and weights named."""
+    t = np.arange(0, 7200, 6.0)
+    u = np.select([t < 600, t < 2700, t < 4800], [40.0, 50.0, 35.0], 45.0)
+    noise = 0.3 * np.random.default_rng(0).standard_normal(t.size)
+    y = np.round(85 + _lag(1.8, 65.0, 12, u - 40) + t / 3000 + noise, 2)
+    rec = mf.Record(y=y, u=u, dt=6.0, intersample="zoh")
+    with pytest.warns(mf.ModfunWarning, match='slow drift .* First try trend="linear"'):
+        mf.fit(rec, mf.TransferFunction(poles=1, zeros=0, delay=mf.Free(min=0, max=300)))
