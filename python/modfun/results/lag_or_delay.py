@@ -134,10 +134,12 @@ def _seen(fit: Estimates, name: str) -> bool:
 
 
 def _written(fit: Estimates, model: Equation, name: str) -> tuple[str, Equation] | None:
-    """Equations with a hidden signal that follows each input which this delays."""
+    """Equations with a hidden signal that follows the one input which this delays."""
     late = rf"(?<![\w.])(\w+)\(\s*t\s*-\s*{re.escape(name)}\s*\)"
     inputs = dict.fromkeys(u for text in model.texts for u in re.findall(late, text) if u in model.inputs)
-    if not inputs or any(re.search(rf"\b{re.escape(name)}\b", re.sub(late, "", t)) for t in model.texts):
+    if len(inputs) != 1 or any(
+        re.search(rf"\b{re.escape(name)}\b", re.sub(late, "", t)) for t in model.texts
+    ):
         return None
     texts = [re.sub(late, r"\1_moved", text) for text in model.texts]
     follow = [f"{{}}*{u}_moved' + {u}_moved = {u}" for u in inputs]

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..base.names import listed
 from ..equations.equation import Equation
 from ..equations.matrices import names_in
 from ..equations.state_space import StateSpace
@@ -82,30 +81,27 @@ def of_actuator(fit: Estimates, model: StateSpace, k: int) -> tuple[str, StateSp
 
 
 def free_delays(fit: Estimates, model: StateSpace) -> list[str]:
-    """Parameters by which inputs are late, and which do nothing else."""
+    """Parameters by which one input is late, and which do nothing else.
+
+    Lags of several inputs would be as many states more.
+    """
     within = names_in(model.A, model.B, model.C, model.D)
     every = [str(own) for own in model.delay if own in fit.param_names]
-    return [name for name in dict.fromkeys(every) if name not in within]
+    return [name for name in every if every.count(name) == 1 and name not in within]
 
 
 def undelayed(fit: Estimates, model: StateSpace, late: str) -> tuple[str, str, StateSpace]:
-    """A lag in place of a delay that is a parameter, in words, as code and as states of its inputs."""
-    places = [k for k, own in enumerate(model.delay) if own == late]
-    names = [model.inputs[k] for k in places]
+    """A lag in place of the delay of an input that is a parameter, in words, as code and as a state."""
+    k = model.delay.index(late)
+    u = model.inputs[k]
     plain = model._like(
         delay=[0.0 if own == late else own for own in model.delay],
         params={name: own for name, own in model.params if name != late},
     )
     lag = unused("lag", plain)
-    made, shown = plain, plain
-    for k in places:
-        made, shown = _actuator(fit, made, k, EXTRA), _actuator(fit, shown, k, lag)
-    actuators = "the actuator" if len(names) == 1 else "the actuators"
-    words = (
-        f"a lag of {actuators} of {listed(names)} ({{}} s) in place of the delay {late}, as "
-        f"{'a state' if len(names) == 1 else 'states'}: {', '.join(_follows(plain, u) for u in names)}"
-    )
-    return words, _code(fit, shown, lag), made
+    words = f"a lag of the actuator of {u} ({{}} s) in place of the delay {late}, as a state: "
+    code = _code(fit, _actuator(fit, plain, k, lag), lag)
+    return words + _follows(plain, u), code, _actuator(fit, plain, k, EXTRA)
 
 
 def delayed(fit: Estimates, model: StateSpace, i: int, late: float) -> tuple[str, StateSpace]:
