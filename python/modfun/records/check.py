@@ -37,6 +37,7 @@ KINK = 0.5  # of a bend: what its neighbours bend back is all of it beside an ou
 SAID = 3  # times
 RESTS = 10  # equal samples of an input: as many are a rest
 SLOW = 10  # s: times without a unit and shorter steps are taken as seconds in silence
+PAUSE = 20.0  # usual steps: what is longer is no lost row
 MATTERS = 0.05  # of the rms of an output: what half a sample of delay may change and not be worth a word
 
 
@@ -189,6 +190,9 @@ def _masked(record: Samples) -> Iterator[str]:
 def _length(record: Samples) -> Iterator[str]:
     if len(record.t) < 50:
         yield f"There are only {len(record.t)} samples: expect wide intervals and a short band."
+    steps = np.diff(record.t)
+    if record.dt is None and steps.max() > PAUSE * np.median(steps):
+        return  # across a pause spectra hold the jumps from one run to the next
     spectrum = spectrum_of(record)
     for name in record.outputs:
         power = spectrum[name] ** 2

@@ -56,6 +56,7 @@ from .hidden_units import in_other_units
 from .jumps import flips, jumps
 from .known_drift import drifting
 from .known_start import contradicted_p, gain_of_start, off_zero
+from .lag_or_delay import acts_by_lag, uncounted_lag
 from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
@@ -332,10 +333,10 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output, limited_input,
     bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
-    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, late_channel, bent,
-    swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop, coloured_load, eliminated,
-    not_linear, unexplained, missing_states, one_cause, flips, other_signs, other_minimum, unsettled,
-    unstable, condition, noise_mode, uncertain_poles, wandering, twin,
+    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, acts_by_lag,
+    late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop,
+    coloured_load, eliminated, not_linear, unexplained, missing_states, one_cause, flips, other_signs,
+    other_minimum, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.
@@ -452,6 +453,7 @@ def check(fit: Estimates, line: str) -> Findings:
             missing_input,
             unused_output,
             unrecorded_input,
+            acts_by_lag,
             late_channel,
             bent,
             swapped,
@@ -470,7 +472,7 @@ def check(fit: Estimates, line: str) -> Findings:
         time = ""
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
-            time = "" if said[late_channel] else uncounted_time(whole)
+            time = "" if said[late_channel] else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
             slow = _slow(whole)
             slow = slow if slow and _left(whole) is slow else None  # else nothing is looked for twice
             residual = [slow] if slow else of_residuals(whole, d)

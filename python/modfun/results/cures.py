@@ -19,7 +19,8 @@ from ..models.process import ProcessNoise
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .neighbours import EXTRA, LAG, LEVER, ZERO, absurd, integrals, least_time, neighbours, singular
+from .lags import EXTRA, LAG, least_time
+from .neighbours import LEVER, ZERO, absurd, integrals, neighbours, singular
 from .promising import promising
 from .refits import lengthy, starts_beside
 from .shifts import SEEN, Shift, likeliest_shift

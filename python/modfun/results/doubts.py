@@ -24,6 +24,7 @@ from .cures import amplified
 from .diagnosis import fewest_samples, growth, level_p, overlapping, surely_stable
 from .estimates import Estimates
 from .known_start import contradicted_p
+from .lags import none_seen
 from .priors import contradicted_priors
 
 __all__ = [
@@ -98,6 +99,8 @@ def on_bound(fit: Estimates) -> Doubt | None:
     on = [name for name in fit.at_bound if name not in still_held(fit)]
     if not on:
         return None
+    if len(on) == 1 and (text := none_seen(fit, on[0])):
+        return Doubt(text)
     which, them = ("a bound", "it") if len(on) == 1 else ("bounds", "them")
     cure = (
         f"Leave {them} out, or take fewer poles: poles do what a delay does."

@@ -19,7 +19,7 @@ from .cures import CLOSE, ENOUGH, Cure, again, bic_beside, on_band, with_drift
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
-from .neighbours import EXTRA
+from .lags import EXTRA
 from .next_structures import best_cure
 
 __all__ = ["bent", "settled_motion"]

@@ -29,8 +29,8 @@ from .doubts import SURE, Doubt, noise_free
 from .driven_equations import driven
 from .estimates import Estimates
 from .held_numbers import contradicted_numbers, factor_beside
+from .lags import EXTRA, delayed
 from .misfit import UNLIKELY
-from .neighbours import EXTRA, delayed
 from .shifts import SEEN, Shift, likeliest_shift
 
 __all__ = ["late_channel", "longest_step"]

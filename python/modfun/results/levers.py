@@ -9,8 +9,9 @@ from .diagnosis import level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
 from .held_numbers import factor_beside
+from .lags import EXTRA
 from .misfit import UNLIKELY
-from .neighbours import EXTRA, FARTHEST, of_levers, rates_of, with_levers
+from .neighbours import FARTHEST, of_levers, rates_of, with_levers
 from .shifts import Lever, likeliest_lever, likeliest_shift
 
 __all__ = ["off_centre"]

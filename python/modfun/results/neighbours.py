@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Sequence
-from itertools import chain, combinations, count
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
@@ -21,30 +21,24 @@ from ..models.free import Free
 from ..records.forms import forms_of
 from .contained import contained
 from .estimates import Estimates
+from .lags import EARLY, EXTRA, free_delays, of_actuator, of_sensor, undelayed, unused, with_sensors
 from .shifts import likeliest_lever, likeliest_shift
 from .worth import Key
 
 __all__ = [
-    "EXTRA",
-    "LAG",
     "LEVER",
     "ZERO",
     "absurd",
-    "delayed",
     "integrals",
-    "least_time",
     "neighbours",
     "of_levers",
     "rates_of",
     "singular",
-    "unused",
     "with_levers",
     "with_offset",
 ]
 
-EXTRA = "extra"  # name of the parameter that a neighbour has more
 ZERO = "extra_zero"  # and of another beside it
-LAG = "a lag of the sensor of "  # first words of that of an output
 LEVER = "lever_"  # first word of that of a sensor away from the reference point
 MOST_SENSORS = 3  # whose pairs are tried with lags
 LATEST = 12  # samples of an input that acts late, where its delay is no parameter
@@ -55,7 +49,6 @@ FARTHEST = 3.0  # times what a score test finds of a lever
 SPIKE = 10.0  # times the mean fourth difference: a sample that stands out
 BEYOND = 1e3  # times the fastest change that the band has room for: no term of an equation is as large
 ROUNDING = 1e-14  # of an output: less is left by no record
-EARLY = 0.5  # radian of the highest line: a lag from which the search starts
 
 
 Changed = Iterator[tuple[str, Any, Key]]
@@ -125,17 +118,6 @@ def _late(fit: Estimates) -> Free:
     return Free(EARLY / fit.band[1], min=0.0)
 
 
-def _lag(fit: Estimates) -> Free:
-    """A time constant that divides, and so is never 0."""
-    least = least_time(fit)
-    return Free(max(EARLY / fit.band[1], least), min=least)
-
-
-def least_time(fit: Estimates) -> float:
-    """A lag or delay below which no record shows one, a tenth of its step, s."""
-    return min([float(np.min(np.diff(rec.t))) for rec in fit.records or ()], default=0.0) / 10
-
-
 def _delay(fit: Estimates) -> Free:
     """A delay, up to an eighth of the shortest record."""
     return Free(EARLY / fit.band[1], min=0.0, max=math.pi / 4 / max(fit.omega0))
@@ -143,12 +125,12 @@ def _delay(fit: Estimates) -> Free:
 
 def _instruments(fit: Estimates, model: StateSpace) -> Changed:
     for i, y in enumerate(model.outputs):
-        words = f"{LAG}{y} ({{}} s), as a state: {y}_sensor' = ({y} - {y}_sensor)/lag"
-        if len(model.outputs) == 1:
-            words += ", or, where it is known, mf.through(rec, sensor=mf.tf([1], [lag, 1]))"
-        yield words + _code(fit, model, i), _sensor(fit, model, i), ("late", y)
+        yield *of_sensor(fit, model, i), ("late", y)
+    for name in free_delays(fit, model):
+        words, code, made = undelayed(fit, model, name)
+        yield f"{words}, {code}", made, ()
     for k, u in enumerate(model.inputs):
-        yield f"a lag of the actuator of {u} ({{}} s), as a state", _actuator(fit, model, k), ("late", u)
+        yield *of_actuator(fit, model, k), ("late", u)
         if model.delay[k] == 0:
             late = [EXTRA if j == k else own for j, own in enumerate(model.delay)]
             shown = "h" if len(late) == 1 else [("h" if one == EXTRA else one) for one in late]
@@ -191,7 +173,7 @@ def _two_sensors(fit: Estimates, model: StateSpace) -> Changed:
             f"lags of the sensors of {y} ({{}} s) and of {other}, each as a state: "
             f"{y}_sensor' = ({y} - {y}_sensor)/lag"
         )
-        yield words, _sensor(fit, _sensor(fit, model, i), j, ZERO), ()
+        yield words, with_sensors(fit, model, {i: EXTRA, j: ZERO}), ()
 
 
 def with_levers(model: StateSpace, i: int, states: Sequence[int], bounds: Sequence[float]) -> StateSpace:
@@ -261,87 +243,8 @@ def _entries(model: StateSpace) -> Changed:
                     yield words, made, () if name == "D" else ("term", row, column)
 
 
-def _sensor(fit: Estimates, model: StateSpace, i: int, lag: str = EXTRA) -> StateSpace:
-    """One more state, which output i shows and which follows what it showed."""
-    n, y = len(model.states), model.outputs[i]
-    over = [_over(entry, lag) for entry in model.C[i]]
-    a = [*([*row, 0] for row in model.A), [*over, f"-1/{lag}"]]
-    b = [*model.B, [_over(entry, lag) for entry in model.D[i]]]
-    c = [[*row, 0] for row in model.C]
-    c[i] = [*[0] * n, 1]
-    d = [list(row) for row in model.D]
-    d[i] = [0] * len(model.inputs)
-    states = [f"{x}_itself" if x == y else x for x in model.states]
-    params = {**dict(model.params), lag: _lag(fit)}
-    return model._like(A=a, B=b, C=c, D=d, states=[*states, y], params=params)
-
-
-def delayed(fit: Estimates, model: StateSpace, i: int, late: float) -> tuple[str, StateSpace]:
-    """A time by which output i is late, about `late`, as a state with the phase of a delay; in words first.
-
-    Padé's (1 - late s/2)/(1 + late s/2): up to late*omega = 1 its phase is within 0.08 rad of the delay's.
-    """
-    words = f"a delay of {model.outputs[i]} ({{}} s), as a state with a parameter for it"
-    made = _padded(fit, model, i, EXTRA)
-    made = made._like(params={**dict(made.params), EXTRA: Free(late, min=least_time(fit))})
-    return words + _code(fit, model, i, "late"), made
-
-
-def _padded(fit: Estimates, model: StateSpace, i: int, late: str) -> StateSpace:
-    made = _sensor(fit, model, i, late)
-    a: list[list[Any]] = [list(row) for row in made.A]
-    b: list[list[Any]] = [list(row) for row in made.B]
-    c: list[list[Any]] = [list(row) for row in made.C]
-    d: list[list[Any]] = [list(row) for row in made.D]
-    a[-1], b[-1] = (
-        [own if own == 0 else f"2*{own}".replace("2*1/", "2/") for own in row] for row in (a[-1], b[-1])
-    )
-    a[-1][-1] = f"-2/{late}"
-    c[i] = [*(_minus(own) for own in model.C[i]), 2]
-    d[i] = [_minus(own) for own in model.D[i]]
-    states = [*made.states[:-1], unused(f"{model.outputs[i]}_sensor", model)]
-    return made._like(A=a, B=b, C=c, D=d, states=states)
-
-
-def _minus(entry: Any) -> Any:
-    return f"-({entry})" if isinstance(entry, str) else -entry if entry else 0
-
-
-def _code(fit: Estimates, model: StateSpace, i: int, what: str = "lag") -> str:
-    """The model with a lag, or late, of output i as Python takes it, `{}` for where its search begins."""
-    lag, state = unused(what, model), unused(f"{model.outputs[i]}_sensor", model)
-    made = _sensor(fit, model, i, lag) if what == "lag" else _padded(fit, model, i, lag)
-    made = made._like(states=[*made.states[:-1], state])
-    given = {**{name: repr(own) for name, own in made.params}, lag: f"Free({{}}, min={least_time(fit):.2g})"}
-    params = ", ".join(f"{name!r}: {own}" for name, own in given.items())
-    text = re.sub(r"params=\{.*?\}", f"params={{{params}}}", repr(made))
-    text = re.sub(r"(?<=\d)\.0(?=[],])", "", text)  # 1 in place of 1.0
-    return f", mf.{text.replace('Free(', 'mf.Free(')}"
-
-
-def _over(entry: Any, lag: str) -> Any:
-    """An entry over a lag."""
-    return entry if entry == 0 else f"1/{lag}" if entry == 1 else f"({entry})/{lag}"
-
-
-def _actuator(fit: Estimates, model: StateSpace, k: int) -> StateSpace:
-    """One more state, which follows input k and stands in its place."""
-    n, u = len(model.states), model.inputs[k]
-    a = [*([*row, own[k]] for row, own in zip(model.A, model.B, strict=True)), [*[0] * n, f"-1/{EXTRA}"]]
-    b: list[list[Any]] = [[0 if j == k else own for j, own in enumerate(row)] for row in model.B]
-    b.append([f"1/{EXTRA}" if j == k else 0 for j in range(len(model.inputs))])
-    c = [[*row, own[k]] for row, own in zip(model.C, model.D, strict=True)]
-    d = [[0 if j == k else own for j, own in enumerate(row)] for row in model.D]
-    states = [*model.states, f"{u}_moved"]
-    return model._like(A=a, B=b, C=c, D=d, states=states, params=_more(model, _lag(fit)))
-
-
 def _plus(one: Any, other: str) -> Any:
     return f"({one}) + {other}"
-
-
-def _more(model: Any, extra: Free) -> dict[str, Any]:
-    return {**dict(model.params), EXTRA: extra}
 
 
 def _shifts(fit: Estimates, model: Equation) -> Changed:
@@ -447,18 +350,15 @@ def _next_derivative(y: str, text: str) -> str:
     return y + "'" * (1 + max(map(len, primes), default=0))
 
 
-def unused(name: str, model: Equation | StateSpace) -> str:
-    """A name that a model has not yet: c, c0, c1 and so on."""
-    own = model.states if isinstance(model, StateSpace) else model.hidden
-    taken = {*model.all_parameters, *model.outputs, *model.inputs, *own}
-    return next(one for one in chain([name], (f"{name}{k}" for k in count())) if one not in taken)
-
-
 def with_offset(model: Any) -> Changed:
     """An unknown offset of one channel: where it enters nonlinearly, a constant is not the same."""
     if isinstance(model, Equation) and EXTRA not in model.all_parameters:
         for x in (*model.outputs, *model.inputs):
             yield from _tried(x, model, _replaced(model, x, f"({x} - {EXTRA})"), Free(0.0))
+
+
+def _more(model: Any, extra: Free) -> dict[str, Any]:
+    return {**dict(model.params), EXTRA: extra}
 
 
 def _tried(

@@ -31,7 +31,8 @@ from .diagnosis import level_p, lower_p
 from .doubts import FINEST, SURE, Doubt, numbers, rms
 from .estimates import Estimates
 from .held_numbers import contradicted_numbers
-from .neighbours import EXTRA, unused, with_offset
+from .lags import EXTRA, unused
+from .neighbours import with_offset
 
 __all__ = ["is_all", "mean", "offset", "unanswered", "with_constant"]
 

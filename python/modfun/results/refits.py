@@ -10,7 +10,7 @@ from ..models.free import Free
 from ..records.forms import forms_of
 from .diagnosis import level_ratio
 from .estimates import Estimates
-from .neighbours import EXTRA
+from .lags import EXTRA
 from .sample_levels import beside_samples
 
 __all__ = ["AWAY", "lengthy", "ran_away", "starts_beside"]

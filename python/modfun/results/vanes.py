@@ -14,7 +14,8 @@ from ..models.free import Free
 from .cures import CLOSE, again, bic_beside, on_band
 from .doubts import Doubt
 from .estimates import Estimates
-from .neighbours import EXTRA, rates_of
+from .lags import EXTRA
+from .neighbours import rates_of
 
 __all__ = ["Vane", "of_sensors", "vane"]
 

@@ -178,6 +178,8 @@ def test_check_gaps_and_uneven_steps():
     t = T.copy()
     t[250:] += 2.0
     assert said("1 gap, the longest of 2.02 at t = 4.98 where 0.02 is usual", y=Y, dt=None, t=t)
+    t[250:] += 30.0
+    assert not said("samples a period", y=Y, dt=None, t=t)  # of two runs, whose jump is no motion
     jitter = 0.005 * np.random.default_rng(0).uniform(-1, 1, N + 1)
     assert said("give dt=0.0199889 instead", y=Y, dt=None, t=T + jitter)
 

@@ -4,7 +4,8 @@ import modfun as mf
 import numpy as np
 from flights import warned
 from modfun.results.diagnosis import growth
-from modfun.results.neighbours import EXTRA, neighbours
+from modfun.results.lags import EXTRA
+from modfun.results.neighbours import neighbours
 from scipy.integrate import solve_ivp
 from scipy.signal import lfilter, lsim
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import modfun as mf
 import numpy as np
 import pytest
-from modfun.results.neighbours import EXTRA, singular
+from modfun.results.lags import EXTRA
+from modfun.results.neighbours import singular
 
 
 @pytest.mark.parametrize(("extra", "error", "level", "rounding"), [
