@@ -59,6 +59,7 @@ from .known_start import contradicted_p, gain_of_start, off_zero
 from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
+from .loud_noise import loud_noise
 from .misfit import UNLIKELY, bends_in_loop, misfit, of_colour, of_drift, of_residuals, of_tone, reference
 from .missing_states import missing_states
 from .multiplied import misweighted, multiplied
@@ -480,6 +481,7 @@ def check(fit: Estimates, line: str) -> Findings:
             found += [(None if sure else multiplied(whole)) or of_time(whole)]
         found += [
             None if said[wandering] else undeclared(whole),
+            loud_noise(whole),
             biased(fit),
             lopsided(fit),
             minima(fit),
