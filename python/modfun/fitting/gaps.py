@@ -17,7 +17,7 @@ from ..records.record import Record
 from ..results.cures import again, on_band
 from ..results.estimates import COVARIANCES
 
-__all__ = ["across", "blind", "bridged", "relative", "variances", "weighs"]
+__all__ = ["across", "apart", "blind", "bridged", "relative", "variances", "weighs"]
 
 AnyFit = TypeVar("AnyFit", bound=Any)
 
@@ -30,6 +30,7 @@ MOST = 0.7  # of the samples that count: in pieces between gaps
 SHORTEST = 16  # samples that count between gaps: a record of their own
 ASTRAY = 10.0  # times the largest sample: a simulation beyond it fills no gap
 REGULAR = 1.5  # times the steps between the samples beside it: a gap that is longer is no part of a rhythm
+BRIDGED = 3  # samples in a row, as the polynomial of more multiplies noise, which products do not forgive
 NEAR, FAR = 4, 6  # good samples through which a polynomial bridges a gap, and more to see its error
 
 
@@ -106,7 +107,7 @@ def across(
     if all(hidden is None for hidden in blinds):
         return fit
     linear = fit.layout.rational or fit.structure.linear
-    pieces = _around(fit, blinds)
+    pieces = _around(fit)
     if pieces is not None and not linear and _part(pieces.records, fit.records) >= MOST:
         return _between(fit, pieces, outputs, blinds, refit)  # type: ignore[no-any-return]
     found = [_settled(fit, outputs, blinds, refit)]
@@ -130,6 +131,15 @@ def _between(fit: Any, pieces: Any, outputs: Sequence[F64], blinds: Sequence[Any
     if not other.usable:  # residual lines of the pieces are better than none
         return replace(pieces, options=fit.options)
     return replace(other, **own)
+
+
+def apart(rec: Record) -> list[tuple[Record, slice]]:
+    """What lies around lost gaps, and where, if that is most of a record; else the record.
+
+    What stands in a gap has no weight, but powers and products of it are in the candidates of equations.
+    """
+    found = _pieces(rec, BRIDGED) if rec.mask is not None else []
+    return found if _part([piece for piece, _ in found], [rec]) >= MOST else [(rec, slice(None))]
 
 
 def _part(pieces: Sequence[Record], records: Sequence[Record]) -> float:
@@ -171,25 +181,29 @@ def _filled(fit: Any, outputs: Sequence[F64], blinds: Sequence[Any]) -> list[F64
     ]
 
 
-def _around(fit: Any, blinds: Sequence[Any]) -> Any:
+def _around(fit: Any) -> Any:
     """The fit of what lies around lost gaps, as records of their own; None where there is none."""
-    pieces = []
-    for rec, hidden in zip(fit.records, blinds, strict=True):
-        counts = _counting(rec)
-        lost = np.array([_lost(good, ends=False) for good in counts]) & (hidden is not None)
-        edges = np.flatnonzero(np.diff(~lost.any(axis=0), prepend=False, append=False)).reshape(-1, 2)
-        for a, b in edges:
-            whole = a + np.flatnonzero(counts[:, a:b].all(axis=0))  # nothing is beyond these to lead a curve
-            if lost.any() and whole.size:
-                a, b = whole[0], whole[-1] + 1
-            if counts[:, a:b].sum(axis=1).min() >= SHORTEST:
-                pieces.append(rec.window(rec.t[a], rec.t[b - 1]))
-    if sum(map(len, (piece.t for piece in pieces))) == sum(rec.t.size for rec in fit.records):
+    pieces = [piece for rec in fit.records for piece, _ in _pieces(rec)]
+    if sum(piece.t.size for piece in pieces) == sum(rec.t.size for rec in fit.records):
         return None  # no gap is to be left out
     if not pieces or fit.again is None:
         return None
     options = on_band(fit, fit.band) if fit.usable else fit.options
     return again(fit, tuple(pieces), fit.structure, options)
+
+
+def _pieces(rec: Record, most: int = FAR) -> list[tuple[Record, slice]]:
+    """What lies around lost gaps, and where, as far as it is long enough for a record of its own."""
+    pieces, counts = [], _counting(rec)
+    lost = np.array([_lost(good, most, ends=False) for good in counts])
+    edges = np.flatnonzero(np.diff(~lost.any(axis=0), prepend=False, append=False)).reshape(-1, 2)
+    for a, b in edges:
+        whole = a + np.flatnonzero(counts[:, a:b].all(axis=0))  # nothing is beyond these to lead a curve
+        if lost.any() and whole.size:
+            a, b = whole[0], whole[-1] + 1
+        if counts[:, a:b].sum(axis=1).min() >= SHORTEST:
+            pieces.append((rec.window(rec.t[a], rec.t[b - 1]), slice(a, b)))
+    return pieces
 
 
 def weighs(rec: Record) -> bool:
@@ -231,8 +245,8 @@ def relative(variance: F64) -> F64:
     return np.asarray(np.minimum(variance / usual, IGNORED))
 
 
-def _lost(good: NDArray[np.bool_], ends: bool = True) -> NDArray[np.bool_]:
-    """Samples in gaps of which nothing is known: of more than `FAR`, and longer than those beside them.
+def _lost(good: NDArray[np.bool_], most: int = FAR, *, ends: bool = True) -> NDArray[np.bool_]:
+    """Samples in gaps of which nothing is known: of more than `most`, and longer than those beside them.
 
     A channel slower than its record has gaps all along, and a polynomial through its samples is sound.
     `ends`: with those before the first and behind the last of its samples, where it leads nowhere.
@@ -240,7 +254,7 @@ def _lost(good: NDArray[np.bool_], ends: bool = True) -> NDArray[np.bool_]:
     known, found = np.flatnonzero(good), np.zeros(good.size, bool)
     count = min(FAR, known.size)
     for begin, length in zip(*runs(~good), strict=True):
-        if length <= FAR:
+        if length <= most:
             continue
         at = int(np.searchsorted(known, begin))
         first = min(max(at - count // 2, 0), known.size - count)

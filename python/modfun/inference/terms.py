@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from ..base.progress import Progress
 from ..equations.written import Written
 from ..errors import DataError, FitError, ModfunWarning, SpecError
 from ..fitting.fit import records_of
-from ..fitting.gaps import bridged, relative, variances
+from ..fitting.gaps import apart, bridged, relative, variances
 from ..models.noise import Noise
 from ..records.record import Record
 from ..results.diagnosis import level_df
@@ -89,9 +90,10 @@ def select_terms(
         Records not used, which are simulated by fits of the subsets on the path.
     noise : "output" or Noise, default "output"
         White noise on the outputs, its levels read from the high band, or given: ``mf.Noise(y=[...])``.
-        Masked samples are bridged, and `sigma` of a record weighs the others, as in `fit`. Where the fit of
-        the chosen terms shows that the level of even samples changes, as that of counts does, they are
-        weighted by it, and the search is made again; `notes` say so.
+        Up to three masked samples in a row are bridged; what lies around longer gaps are records of their
+        own, if that is most of the record. `sigma` of a record weighs its samples, as in `fit`. Where the
+        fit of the chosen terms shows that the level of even samples changes, as that of counts does, they
+        are weighted by it, and the search is made again; `notes` say so.
     progress : {"auto", True, False}
         "auto": progress on standard error if the search takes longer than two seconds.
 
@@ -173,15 +175,35 @@ def select_terms(
 # The problem ----------------------------------------------------------------------------------------
 
 
+class Part(NamedTuple):
+    """A record, or what lies around gaps of it of which nothing is known.
+
+    `k`: which one of the records; `y`: outputs with masked samples bridged; `sd`: noise level of each output;
+    `variance`: that of each sample.
+    """
+
+    k: int
+    record: Record
+    y: F64
+    sd: F64
+    variance: F64
+
+
 def _search(records: tuple[Record, ...], found: Library, noise: str | Noise, tick: Callable[[], None]) -> End:
     """The best subset of a library on the common band of records."""
     order = found.order
-    levels = [_levels(rec, noise, order) for rec in records]
-    outputs = [bridged(rec) for rec in records]
-    tops, edge = _band(records, [y for y, _, _ in outputs], levels, found)
+    parts, levels = list[Part](), []
+    for k, rec in enumerate(records):
+        own = apart(rec)
+        sd = _levels([piece for piece, _ in own], noise, order)
+        y, off, more = bridged(rec)
+        variance = _variances(rec, off, more, sd, order)
+        parts += [Part(k, piece, np.ascontiguousarray(y[:, at]), sd, variance[:, at]) for piece, at in own]
+        levels.append(sd)
+    tops, edge = _band(parts, found)
     lines = [
-        Lines(k, rec, y, found.columns, found.equation, _variances(rec, off, noise, sd, order), top, edge)
-        for k, (rec, (y, off, noise), sd, top) in enumerate(zip(records, outputs, levels, tops, strict=True))
+        Lines(part.k, part.record, part.y, found.columns, found.equation, part.variance, top, edge)
+        for part, top in zip(parts, tops, strict=True)
     ]
     high = len(records[0].outputs) * level_df([rec.intervals for rec in records], order)
     given = isinstance(noise, Noise)
@@ -195,27 +217,30 @@ def _search(records: tuple[Record, ...], found: Library, noise: str | Noise, tic
     return End(searched, levels, edge)
 
 
-def _levels(rec: Record, noise: str | Noise, order: int) -> F64:
-    """Noise level of each output, as given or as the high band shows it."""
-    outputs = len(rec.outputs)
-    if still := [name for name, row in zip(rec.outputs, rec.y, strict=True) if np.ptp(row) == 0]:
+def _levels(pieces: Sequence[Record], noise: str | Noise, order: int) -> F64:
+    """Noise level of each output of a record, as given or as the high band of its pieces shows it."""
+    rec = pieces[0]
+    y = np.concatenate([piece.y for piece in pieces], axis=1)
+    if still := [name for name, row in zip(rec.outputs, y, strict=True) if np.ptp(row) == 0]:
         raise DataError(
             f"select_terms: the output {still[0]!r} of a record never changes; leave it out, "
             "rec.select(outputs=[...])"
         )
-    least = SILENT * np.max(np.abs(rec.y), axis=1)
+    least = SILENT * np.max(np.abs(y), axis=1)
     if isinstance(noise, Noise):
         if noise.y is None or noise.u is not None:
             raise SpecError("select_terms: noise=mf.Noise(y=...) gives levels of outputs; inputs are known")
         try:
-            given = np.broadcast_to(np.asarray(noise.y, dtype=float), (outputs,))
+            given = np.broadcast_to(np.asarray(noise.y, dtype=float), (len(y),))
         except (TypeError, ValueError):
             raise SpecError(
                 f"select_terms: noise=mf.Noise(y=...) takes standard deviations, one or one per "
-                f"output ({outputs})"
+                f"output ({len(y)})"
             ) from None
         return np.asarray(np.maximum(given, least))
-    return np.asarray(np.maximum(rec.noise_level(order)["noise_sd"][:outputs], least))
+    own = [piece.noise_level(order)["noise_sd"][: len(y)] ** 2 for piece in pieces]
+    mean = np.average(own, axis=0, weights=[piece.intervals for piece in pieces])
+    return np.asarray(np.maximum(np.sqrt(mean), least))
 
 
 def _variances(rec: Record, off: F64, noise: F64, sd: F64, order: int) -> F64:
@@ -228,17 +253,15 @@ def _variances(rec: Record, off: F64, noise: F64, sd: F64, order: int) -> F64:
     return np.asarray(own * (sd**2 / np.mean(own, axis=1, where=good))[:, None])
 
 
-def _band(
-    records: Sequence[Record], outputs: Sequence[F64], levels: Sequence[F64], found: Library
-) -> tuple[list[int], float]:
-    """Highest line of each record, and the common edge in rad/s.
+def _band(parts: Sequence[Part], found: Library) -> tuple[list[int], float]:
+    """Highest line of each part, and the common edge in rad/s.
 
     Up to where an output shows more than noise, but as many lines as tell the candidates apart.
     """
     order = found.order
     most = int(np.max(np.bincount(found.equation))) + order
     wide, own = [], []
-    for rec, y, sd in zip(records, outputs, levels, strict=True):
+    for k, rec, y, sd, _ in parts:
         omega0 = 2 * np.pi / rec.duration
         times = rec.t - rec.t[0] if rec.dt is None else None
         # Sums see nothing within the longest of uneven steps; few lines are still better than none.
@@ -246,9 +269,11 @@ def _band(
         least = 0.0 if times is None else min(most, rec.intervals // 4) * omega0
         wide.append(max(widest([steps], [omega0]), least))
         lines = round(wide[-1] / omega0)
+        if rec.duration < max(part.record.duration for part in parts if part.k == k):
+            continue  # the least edge that so few lines allow is far above that of the longest part
         own.append(max(signal_edge(y, sd**2, order, lines, times), most) * omega0)
     edge = min(max(own), *wide)
-    tops = [int(edge * rec.duration / (2 * np.pi) + 1e-9) for rec in records]
+    tops = [int(edge * part.record.duration / (2 * np.pi) + 1e-9) for part in parts]
     rows = sum((2 * top + 1) - order for top in tops)
     if rows <= most:
         raise DataError(

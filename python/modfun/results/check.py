@@ -60,6 +60,7 @@ from .lag_or_delay import acts_by_lag, uncounted_lag
 from .late_channels import late_channel
 from .levers import off_centre
 from .lopsided import lopsided
+from .loud_noise import loud_noise
 from .misfit import UNLIKELY, bends_in_loop, misfit, of_colour, of_drift, of_residuals, of_tone, reference
 from .missing_states import missing_states
 from .multiplied import misweighted, multiplied
@@ -485,6 +486,7 @@ def check(fit: Estimates, line: str) -> Findings:
         found += [
             said[flips],  # after what residuals tell beyond doubt, which noise in signs does not explain
             None if said[wandering] else undeclared(whole),
+            loud_noise(whole),
             biased(fit),
             lopsided(fit),
             minima(fit),

@@ -25,6 +25,7 @@ from .cures import (
     bic_beside,
     convincing,
     furthest,
+    of_written,
     on_band,
 )
 from .diagnosis import level_p, lower_p
@@ -84,6 +85,8 @@ def mean(fit: Estimates) -> Doubt | None:
         return None  # what a search or rounding leaves of a record without noise
     if told := _bent(fit) or _settled(fit) or _off_zero(fit):
         cure, after = _constant(fit)
+        if _lacks_a_term(fit, after):
+            return None  # which is said by the look at residuals
         number = _number(fit)
         if number is None or not number.after < after - CLOSE:
             return Doubt(f"{told} {cure}")
@@ -100,6 +103,18 @@ def mean(fit: Estimates) -> Doubt | None:
             f"{found.words}"
         )
     return None
+
+
+def _lacks_a_term(fit: Estimates, after: float) -> bool:
+    """Whether a term leaves the noise alone, and a constant, with which BIC is `after`, more than that.
+
+    A law that saturates looks like a constant where its argument is large.
+    """
+    other = with_constant(fit)
+    if other is None or level_p(other) > ENOUGH or not level_p(fit) < SURE:
+        return False
+    term = of_written(fit)
+    return term is not None and term.level_p > ENOUGH and term.after < after - WORTH
 
 
 def unanswered(fit: Estimates) -> Doubt | None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._core import pooled_power
 from .coloured_load import in_coloured_noise, moved_by_weights
-from .cures import DRIFT, ENOUGH, again, likely_cure
+from .cures import DRIFT, ENOUGH, again, of_written
 from .diagnosis import diagnose, level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
@@ -103,7 +103,7 @@ def _structural(fit: Estimates, drift: Estimates) -> bool:
             return True
     layout: Any = fit.layout
     if not layout.rational:
-        cure = likely_cure(fit)
+        cure = of_written(fit)
         return cure is not None and cure.words != DRIFT and cure.level_p > ENOUGH
     if len(layout.free_delays) > 1:  # each cure is a search
         return False
