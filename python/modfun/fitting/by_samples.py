@@ -15,9 +15,10 @@ from ..errors import DataError, ModfunError
 from ..records.mask import sample_weights
 from ..records.record import Record
 from ..results.cures import again
-from ..results.diagnosis import fewest_samples, growth, measured_lines
+from ..results.diagnosis import fewest_samples, growth
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
+from ..results.fitted_samples import measured_lines
 from ..results.initial_state import slopes
 from ..results.sparse import sparse
 
