@@ -19,11 +19,13 @@ from ..records.mask import sample_weights
 from ..records.record import Record
 from ..records.uneven_rows import gaps
 from ..results.cures import again
-from ..results.diagnosis import fewest_samples, growth, measured_lines
+from ..results.diagnosis import fewest_samples, growth
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
+from ..results.fitted_samples import measured_lines
 from ..results.initial_state import slopes
 from ..results.sparse import sparse
+from ..results.unknown_past import from_known_inputs, lead
 
 __all__ = [
     "by_samples", "deviance", "ends_at_samples", "has_gaps", "is_few", "levels_of", "lower_by_samples",
@@ -62,10 +64,17 @@ def lower_by_samples(fit: Any, other: Any) -> float:
 def _deviance(fit: Any) -> float:
     """Twice the negative log likelihood, with a level of noise for each output of each record."""
     found = 0.0
-    for rec in fit.records:
-        own = weights_of(fit, rec)
+    for k, rec in enumerate(from_known_inputs(fit)):
+        own = _counted(fit, k)
         found += deviance((rec.y - fit.simulate(rec)[0]) * own, np.count_nonzero(own, axis=1))
     return found
+
+
+def _counted(fit: Any, k: int) -> F64:
+    """Weights of the k-th record's samples, 0 also where its inputs are not known."""
+    own = weights_of(fit, fit.records[k])
+    own[:, : lead(fit, k)] = 0.0
+    return own
 
 
 def weights_of(fit: Any, rec: Record) -> F64:
@@ -199,10 +208,11 @@ class _Descent:
         self.fit, self.halved = fit, halved
         self.moving = np.flatnonzero(fit.cov_nonrobust.diagonal() > 0)  # not on a bound
         self.steps = PART * np.sqrt(fit.cov_nonrobust.diagonal())
-        self.own = [weights_of(fit, rec) for rec in fit.records]
+        self.records = from_known_inputs(fit)
+        self.own = [_counted(fit, k) for k in range(len(self.records))]
         self.levels: list[F64] = list(fit.noise_levels)
         self.logs = fit.options.noise == LOGS
-        self.near: list[F64] = [rec.y for rec in fit.records]
+        self.near: list[F64] = [rec.y for rec in self.records]
         self.begins = fit.options.initial_state not in ("unknown", "periodic")  # as it was told
 
     def ended(self) -> Any:
@@ -261,9 +271,9 @@ class _Descent:
         """Residuals of each record, and how many samples beyond the unknowns of each they have."""
         fit = replace(self.fit, params=params)
         found, count = [], 0
-        for rec, own, near in zip(fit.records, self.own, self.near, strict=True):
+        for rec, own, near in zip(self.records, self.own, self.near, strict=True):
             simulated, initial = fit.simulate(self._beside(rec, near))
-            left = np.log(rec.y / simulated) if self.logs else rec.y - simulated
+            left = np.log(rec.y / np.where(own > 0, simulated, rec.y)) if self.logs else rec.y - simulated
             found.append(left * own)
             unknown = (0 if self.begins else initial.state.size) + np.size(initial.trend)
             count += int(np.count_nonzero(own)) - unknown
@@ -271,13 +281,17 @@ class _Descent:
 
     def _beside(self, rec: Any, near: F64) -> Any:
         """The record whose least squares are those of the noise."""
-        return rec._like(y=near * (1 + np.log(rec.y / near)), sigma=near) if self.logs else rec
+        if not self.logs:
+            return rec
+        over = near if rec.sigma is None else near * rec.sigma
+        return rec._like(y=near * (1 + np.log(rec.y / near)), sigma=over)
 
     def _responses(self, params: F64) -> list[F64]:
         """Of each record, positive as its samples."""
         fit = replace(self.fit, params=params)
         found = [
-            fit.simulate(self._beside(rec, near))[0] for rec, near in zip(fit.records, self.near, strict=True)
+            np.where(own > 0, fit.simulate(self._beside(rec, near))[0], rec.y)
+            for rec, near, own in zip(self.records, self.near, self.own, strict=True)
         ]
         if not all([np.all(y > 0) for y in found]):
             raise DataError("log-normal noise: a response is not positive")
@@ -302,7 +316,7 @@ class _Descent:
     def _of_integrations(self, fit: Any) -> F64:
         """The same with unknown initial states and trends beside the parameters: to find them takes long."""
         found = []
-        for rec, counts, level, near in zip(fit.records, self.own, self.levels, self.near, strict=True):
+        for rec, counts, level, near in zip(self.records, self.own, self.levels, self.near, strict=True):
             weights = counts / level[:, None] / (near if self.logs else 1.0)
             start = fit.simulate(self._beside(rec, near))[1]
             each = (slopes(fit, rec, start) * weights).reshape(-1, weights.size)

@@ -16,6 +16,7 @@ from ..records.mask import runs
 from ..records.record import Record
 from ..results.cures import again, on_band
 from ..results.estimates import COVARIANCES
+from ..results.unknown_past import from_known_inputs, lead
 
 __all__ = ["across", "apart", "blind", "bridged", "relative", "variances", "weighs"]
 
@@ -169,16 +170,18 @@ def _settled(
 def _filled(fit: Any, outputs: Sequence[F64], blinds: Sequence[Any]) -> list[F64] | None:
     """The outputs with the response where they are blind; None where a simulation goes astray."""
     try:
-        simulated = [y for y, _ in map(fit.simulate, fit.records)]
+        simulated = [y for y, _ in map(fit.simulate, from_known_inputs(fit))]
     except ModfunError:
         return None
-    both = zip(simulated, outputs, strict=True)
-    if any(np.max(np.abs(y)) > ASTRAY * np.max(np.abs(own)) for y, own in both):
-        return None
-    return [
-        own if hidden is None else np.where(hidden, y, own)
-        for own, y, hidden in zip(outputs, simulated, blinds, strict=True)
-    ]
+    found = []
+    for k, (y, own, hidden) in enumerate(zip(simulated, outputs, blinds, strict=True)):
+        first = lead(fit, k)  # the fit has no use for those before
+        if np.max(np.abs(y[:, first:])) > ASTRAY * np.max(np.abs(own)):
+            return None
+        found.append(own.copy())
+        if hidden is not None:
+            found[-1][:, first:] = np.where(hidden, y, own)[:, first:]
+    return found
 
 
 def _around(fit: Any) -> Any:

@@ -21,10 +21,11 @@ from ..records.batches import Batch
 from ..records.forms import agreed
 from ..records.record import Record
 from ..results.cures import amplified, bic_beside, on_band, realigned
-from ..results.diagnosis import growth, measured_lines
+from ..results.diagnosis import growth
 from ..results.estimates import Estimates
 from ..results.feedback import feedback
 from ..results.fit import Fit
+from ..results.fitted_samples import measured_lines
 from ..results.misfit import UNLIKELY, refuted, suspicious
 from ..results.refits import starts_beside
 from ..results.undeclared import POSITIVE

@@ -78,7 +78,7 @@ from .slow_poles import slow_pole
 from .sparse import sparse
 from .stand_in import stand_in
 from .still_inputs import of_still_inputs
-from .stopped import too_many_poles, valley
+from .stopped import never_apart, too_many_poles, valley
 from .swapped import swapped
 from .timing import uncounted_time
 from .twins import other_minimum, other_signs, twin
@@ -113,12 +113,12 @@ def _message(fit: Estimates) -> str:
     """What went wrong, and that a start which is no such start looks like it."""
     start = fit.options.initial_state
     if isinstance(start, str) and start == "unknown":
-        return _lost(fit) or valley(fit) or _from_rest(fit) or _driven(fit) or fit.message
+        return valley(fit) or _from_rest(fit) or _driven(fit) or fit.message
     ends = ""
     if fit.again is not None and fit.records:
         free = again(fit, fit.records, fit.structure, fit.options.replace(initial_state="unknown"))
         if free is None or not free.success:
-            return _lost(fit) or fit.message
+            return fit.message
         ends = ", with which the search ends"
     said = repr(start) if isinstance(start, str) else "..."
     return f'First try initial_state="unknown"{ends}: the record may not begin as {said} says. {fit.message}'
@@ -152,20 +152,10 @@ def _driven(fit: Estimates) -> str:
     )
 
 
-def _lost(fit: Estimates) -> str:
-    """What no record could tell apart, where a fit ended so; "" where it could."""
-    if fit.status != "rank" or fit.layout.rational:
-        return ""
-    found = fit.structure.identifiable()
-    if found:
-        return ""
-    return (
-        f"The equations do not tell their parameters apart, whatever the record: {' '.join(found.sentences)}"
-    )
-
-
 def _failed(fit: Estimates) -> str:
     """Why there is no estimate."""
+    if never := never_apart(fit):
+        return never.text
     if still := of_still_inputs(fit):
         return still
     with np.errstate(all="ignore"):
@@ -330,9 +320,9 @@ def misbegun(fit: Estimates) -> Doubt | None:
 
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
-    coded, nothing_free, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean, repeated,
-    sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output, limited_input,
-    bounded, drifts, misbegun,
+    coded, nothing_free, never_apart, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean,
+    repeated, sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output,
+    limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, acts_by_lag,
     late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop,
@@ -427,7 +417,7 @@ def check(fit: Estimates, line: str) -> Findings:
         return Findings(title, [_failed(fit)])
     with Waiting("check"), np.errstate(all="ignore"):
         whole = stand_in(fit)
-        if held := nothing_free(whole):  # of other numbers residuals tell something else
+        if held := nothing_free(whole) or never_apart(whole):  # at other numbers residuals tell another story
             return Findings(title, [held.text])
         said = {look: _looked(look, fit, whole) for look in LOOKS if look is not unexplained}
         if said[runaway]:  # which is why

@@ -12,7 +12,6 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.cached import kept
 from ..models.noise import Noise
-from ..records.mask import hides_much
 from ..systems.polynomials import roots_of
 from .estimates import Estimates
 from .further import Explained, further
@@ -28,7 +27,6 @@ __all__ = [
     "level_p",
     "level_ratio",
     "lower_p",
-    "measured_lines",
     "overlapping",
     "poles_of",
     "surely_stable",
@@ -179,11 +177,6 @@ def _corrected(tests: Sequence[Whiteness], at: int) -> Whiteness:
     """The worst of several tests with a p-value that allows for their number (Bonferroni)."""
     own = tests[at]
     return replace(own, p_value=min(1.0, own.p_value * len(tests)) if own.p_value == own.p_value else nan)
-
-
-def measured_lines(fit: Estimates) -> bool:
-    """Whether residual lines are of samples alone, not of what was put in the place of masked ones."""
-    return not any(map(hides_much, fit.records or ()))
 
 
 def growth(fit: Estimates) -> float:

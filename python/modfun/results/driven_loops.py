@@ -12,7 +12,7 @@ from .diagnosis import level_p
 from .doubts import Doubt, noise_free
 from .estimates import Estimates
 from .feedback import way_back
-from .further import fitted, stationary
+from .fitted_samples import fitted, stationary
 from .misfit import bends_in_loop, too_large
 
 __all__ = ["COMMAND", "command_of", "driven_loop"]

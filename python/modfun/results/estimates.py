@@ -89,6 +89,8 @@ class Estimates(Elsewhere):
     free_cost: float = nan
     process_levels: tuple[F64, F64, F64] | None = None
     tail: float = inf
+    unlike: str = ""
+    begun: tuple[float, ...] = ()
     instrumented: tuple[Record, ...] | None = None
     with_past: tuple[Record, ...] | None = None
     again: Callable[..., Any] | None = None

@@ -15,14 +15,14 @@ from .._core import coefficients, line_event
 from ..base.arrays import C128, F64
 from ..errors import ModfunError
 from ..records.corners import driving
-from ..records.record import Record
 from .estimates import Estimates
+from .fitted_samples import begins, fitted, stationary
 from .followers import in_loop
 from .gradients import response_gradients
 
 __all__ = [
     "Explained", "Residual", "basis_of", "event", "event_p", "fitted_lines", "further", "simulated",
-    "stationary", "testable",
+    "testable",
 ]  # fmt: skip
 
 DEGREES = 4  # powers of i*omega that an unexplained response to an input is made of
@@ -146,16 +146,6 @@ def testable(fit: Estimates) -> bool:
     )
 
 
-def fitted(fit: Estimates) -> tuple[Record, ...]:
-    """Records whose lines were fitted: those of the fit, or what references or a known past made of them."""
-    return fit.instrumented or fit.with_past or fit.records or ()
-
-
-def stationary(fit: Estimates) -> bool:
-    """Whether all samples count alike, so that noise may be stationary."""
-    return all(rec.mask is None and rec.sigma is None for rec in fitted(fit))
-
-
 def fitted_lines(fit: Estimates, i: int) -> tuple[F64, F64, NDArray[np.intp]]:
     """Residual lines of an output, real parts first, record by record, with the ends of these.
 
@@ -175,11 +165,8 @@ def event(fit: Estimates) -> Explained | None:
     if found is None:
         return None
     p, i, k, at, share = found
-    lines, start = fit.pieces[k].shape[1], 0.0
-    if fit.records is not None:
-        rec = fitted(fit)[k]
-        start = float(rec.t[rec.intervals - fit.intervals[k]])
-    time = start + at / (4 * lines) * 2 * np.pi / fit.omega0[k]
+    lines = fit.pieces[k].shape[1]
+    time = begins(fit)[k] + at / (4 * lines) * 2 * np.pi / fit.omega0[k]
     gain = -2 * lines * log(max(1 - share, 1e-300)) - 3 * log(2 * lines)
     return Explained("event", fit.row_names[i], i, p, gain, time, k)
 

@@ -68,6 +68,7 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields["stability_cost"] = float(values.get("stability_cost", "nan"))
     fields["tail"] = float(values.get("tail", "inf"))
     fields["free_cost"] = float(values.get("free_cost", "nan"))
+    fields["unlike"], fields["begun"] = str(values.get("unlike", "")), tuple(values.get("begun", ()))
     if "spectrum" in values:
         fields["spectrum"] = tuple(_array(own) for own in values["spectrum"])
     if "process_levels" in values:

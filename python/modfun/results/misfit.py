@@ -22,12 +22,13 @@ from .cures import (
     on_band,
     with_drift,
 )
-from .diagnosis import Diagnosis, diagnose, level_p, level_ratio, measured_lines
+from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, crowded, noise_free, numbers
 from .driven_equations import driven
 from .estimates import Estimates
+from .fitted_samples import measured_lines, stationary
 from .followers import in_loop
-from .further import Explained, event_p, stationary
+from .further import Explained, event_p
 from .line_tests import colour_of_lines, correlation_of_lines
 from .missing_modes import UNSPOKEN, like_gusts, linear_instead, missing_mode, tone_left
 from .next_structures import best_cure

@@ -16,7 +16,8 @@ from .cures import ENOUGH, WORTH, again, furthest, on_band
 from .diagnosis import level_p
 from .doubts import Doubt, numbers
 from .estimates import Estimates
-from .further import simulated, stationary
+from .fitted_samples import stationary
+from .further import simulated
 from .linear_lines import linear_of, responses_of
 from .misfit import suspicious
 

@@ -1,4 +1,4 @@
-"""Why searches stopped without settling: too many poles, or parameters that the record hardly tells apart."""
+"""Why searches stopped without settling: too many poles, or parameters hardly told apart, or never."""
 
 from __future__ import annotations
 
@@ -13,9 +13,32 @@ from .doubts import Doubt, still_held
 from .estimates import Estimates
 from .rewritten import rewritten
 
-__all__ = ["too_many_poles", "valley"]
+__all__ = ["never_apart", "too_many_poles", "valley"]
 
 NARROW = 1000.0  # condition index of a valley; the bottom of one of 3,000 was reached in 4 of 10 searches
+
+
+@kept
+def never_apart(fit: Estimates) -> Doubt | None:
+    """What no record could tell apart, where a search ended without an answer or on bounds.
+
+    Along a line of equal answers it runs to bounds or to the last iteration as often as it finds none to be
+    determined, and what it leaves there says nothing of the model: of a motor whose speed alone was measured
+    4 of 12 records were told to lack a state.
+    """
+    if fit.layout.rational or not (fit.status == "rank" or _stopped(fit)):
+        return None
+    found = fit.structure.identifiable()
+    if found:
+        return None
+    return Doubt(
+        f"The equations do not tell their parameters apart, whatever the record: {' '.join(found.sentences)}"
+    )
+
+
+def _stopped(fit: Estimates) -> bool:
+    """Whether a search ended outside of a minimum, where the samples alone decide."""
+    return (not fit.success or bool(fit.at_bound)) and not fit.layout.priors
 
 
 @kept

@@ -15,6 +15,7 @@ from ..models.options import Options
 from ..models.process import ProcessNoise
 from ..models.transfer_function import TransferFunction
 from .estimates import COVARIANCES, Estimates
+from .fitted_samples import begins, unlike
 
 __all__ = ["ARRAYS", "KIND", "PLAIN", "SCHEMA", "TUPLES", "fit_to_dict", "told"]
 
@@ -44,6 +45,10 @@ def fit_to_dict(fit: Estimates) -> dict[str, Any]:
         values[name] = getattr(fit, name).tolist()
     if fit.records is not None:  # which tell whether the noise changes in time, and are not kept
         values["cov_spectral"] = fit.cov_params("spectral").tolist()
+    if found := unlike(fit):
+        values["unlike"] = found
+    if fit.pieces:
+        values["begun"] = list(begins(fit))
     if fit.spectrum is not None:
         values["spectrum"] = [own.tolist() for own in fit.spectrum]
     if fit.df_hc3 is not None:

@@ -16,7 +16,7 @@ from ..models.noise import Noise
 from ..models.options import Options
 from .doubts import Doubt
 from .estimates import Estimates
-from .further import stationary
+from .fitted_samples import stationary
 from .priors import shares
 from .slopes import response_slopes
 

@@ -9,7 +9,8 @@ from .cures import DRIFT, ENOUGH
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, clipped, joined, noise_free
 from .estimates import Estimates
-from .further import event, stationary
+from .fitted_samples import stationary
+from .further import event
 from .misfit import UNLIKELY, bends_in_loop, refuted, suspicious
 from .next_structures import best_cure
 
