@@ -139,11 +139,11 @@ def _clock(record: Samples) -> Iterator[str]:
         return
     grid = record.t[0] + record.duration / record.intervals * np.arange(len(record.t))
     stray = float(np.abs(record.t - grid).max()) / usual
-    step = rounded_step(record.t)
+    step, unit = rounded_step(record.t), unit_of_time(record)
     rounded = f" If the clock was only rounded, give dt={step:.6g} instead of the times." if step else ""
     yield (
-        f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g}{unit_of_time(record)}, and times stray "
-        f"from an even grid by up to {100 * stray:.2g} % of a step.{rounded}"
+        f"Steps are uneven, {steps.min():.4g} to {steps.max():.4g}{unit}, and times stray from an even grid "
+        f"by up to {100 * stray:.2g} % of a step.{rounded}"
     )
 
 
@@ -151,9 +151,8 @@ def _fitted(record: Samples) -> str:
     """Which fits take times with gaps."""
     if not long_gaps(record).size:
         return "Split the record if inputs moved in a gap. Fits take such times as they are, but no delays."
-    if bridged(record):
-        return "Fits of an mf.Equation take such times as they are, others refuse them."
-    return "Fits refuse it, and say where to split the record."
+    told = "Fits of an mf.Equation take such times as they are, others refuse them."
+    return told if bridged(record) else "Fits refuse it, and say where to split the record."
 
 
 def _joined(record: Samples) -> Iterator[str]:

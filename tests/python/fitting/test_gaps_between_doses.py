@@ -1,4 +1,4 @@
-"""Gaps between few samples under doses, where all is known: least squares of the samples need no sums over them."""
+"""Gaps between few samples under doses, where all is known: least squares needs no sums over them."""
 
 import modfun as mf
 import numpy as np

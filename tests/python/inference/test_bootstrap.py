@@ -41,7 +41,7 @@ def boot(request: pytest.FixtureRequest, fit: mf.Fit) -> Any:
 
 
 def test_functions_of_the_parameters_have_intervals_of_their_refits(fit: mf.Fit, boot: Any) -> None:
-    """Those of a monotone function are its values at the parameter's; errors are those of the delta method."""
+    """Those of a monotone function are its values at the parameter's; errors are the delta method's."""
     text = "a1/(2*sqrt(a2))"
     table = boot.derived(zeta=text, same="a1", late=lambda p: np.exp(p["a1"]))
     np.testing.assert_allclose(table["value"][0], fit["a1"] / (2 * np.sqrt(fit["a2"])))
@@ -51,7 +51,7 @@ def test_functions_of_the_parameters_have_intervals_of_their_refits(fit: mf.Fit,
     assert table["sd"][1] == pytest.approx(boot.sd[0])
     slope = np.array([0.5 / np.sqrt(fit["a2"]), -0.25 * fit["a1"] / fit["a2"] ** 1.5, 0.0])
     assert table["sd"][0] == pytest.approx(np.sqrt(slope @ boot.cov_params() @ slope), rel=0.05)
-    with pytest.raises(mf.SpecError, match="fit.derived"):
+    with pytest.raises(mf.SpecError, match=r"fit\.derived"):
         boot.derived()
 
 
