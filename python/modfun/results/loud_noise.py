@@ -19,9 +19,10 @@ def loud_noise(fit: Estimates) -> Doubt | None:
 
     Weights by the spectrum of any residuals leave white lines and nothing to test, whatever the model lacks.
     """
-    if fit.options.noise not in ("output", "coloured", "process") or fit.options.method in ("ls", "wls"):
+    stated = fit.options.noise in ("output", "coloured", "process") and fit.options.method in ("ml", "awls")
+    if not (stated and fit.records):
         return None
-    ranges = np.max([np.ptp(rec.y, axis=1) for rec in fit.records or ()], axis=0, initial=0.0)
+    ranges = np.max([np.ptp(rec.y, axis=1) for rec in fit.records], axis=0)
     levels = np.broadcast_to(fit.sigma, ranges.shape)
     ratio = levels / np.where(ranges > 0, ranges, np.inf)
     at = int(np.argmax(ratio))
