@@ -197,7 +197,7 @@ def _moved(fit: Estimates, other: Estimates, delay: str) -> tuple[float, F64, F6
 
 def _from_first(fit: Estimates) -> tuple[Record, ...] | None:
     """The records from the first sample on that the fit took, as a delay leaves some out."""
-    pairs = list(zip(fit.records or (), fit.intervals, strict=True))
-    if any(rec.dt is None for rec, _ in pairs):
+    if not fit.records or any(rec.dt is None for rec in fit.records):
         return None
+    pairs = zip(fit.records, fit.intervals, strict=True)
     return tuple([rec.window(rec.t[k], rec.t[-1]) if (k := rec.intervals - n) else rec for rec, n in pairs])

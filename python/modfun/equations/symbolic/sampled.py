@@ -35,5 +35,5 @@ def sampled(formulas: Any, rows: F64, levels: F64, params: F64) -> list[F64]:
 def _function(symbols: tuple[sympy.Symbol, ...], results: tuple[sympy.Expr, ...]) -> Callable[..., list[F64]]:
     """As the core, which has nothing of a kink between samples."""
     plain = [sympy.sympify(own).replace(sympy.DiracDelta, lambda *_: sympy.Integer(0)) for own in results]
-    found: Callable[..., list[F64]] = sympy.lambdify(symbols, plain, modules="numpy", cse=True)
+    found: Callable[..., list[F64]] = sympy.lambdify(symbols, plain, modules="numpy", cse=True, dummify=True)
     return found
