@@ -11,7 +11,7 @@ from ..base.arrays import C128
 from ..base.cached import kept
 from ..base.names import listed
 from ..errors import ModfunError
-from .cures import ENOUGH, again, amplified, of_written, on_band
+from .cures import DRIFT, ENOUGH, again, amplified, of_written, on_band
 from .diagnosis import level_p, level_ratio
 from .doubts import SURE, Doubt, noise_free
 from .driven_equations import driven
@@ -67,6 +67,13 @@ def unrecorded_input(fit: Estimates) -> Doubt | None:
     astray = rests and not fit.success  # cures next to such estimates took a minute
     if fit.usable and not astray and (cure := of_written(fit)) and cure.level_p > ENOUGH:
         return None
+    if not fit.usable and fit.options.fitted_trend != "linear":
+        drifted = again(fit, fit.records, fit.structure, fit.options.replace(trend="linear"))
+        if drifted is not None and drifted.success and level_p(drifted) > ENOUGH:
+            return Doubt(
+                "The search ends without an estimate. With a drift of the outputs it settles, and the "
+                f"residuals are the noise alone. First try {DRIFT}."
+            )
     look = "fit.plot_response()" if fit.usable else 'mf.fit(..., method="ls").plot_response()'
     lost = "" if fit.usable else ", so that the search ends without an estimate"
     timed = " and rest most of the time, as no turbulence does" if rests else ""

@@ -3,7 +3,8 @@
 import modfun as mf
 import numpy as np
 import pytest
-from flights import warned
+from flights import SHORT, warned
+from flights import flown as short_period
 from modfun.results.neighbours import absurd
 
 YAW = np.array([[-0.22, 0.07, -0.998, 0.14], [-8.5, -5.6, 1.8, 0], [3.3, -0.55, -1.0, 0], [0, 1, 0.07, 0]])
@@ -99,3 +100,15 @@ def test_a_recorded_rudder_is_not_said_to_be_missing(scales):
         fit, text = warned(rec.assign(**{name: size * rec[name] for name, size in scales.items()}), WHOLE)
         assert bool(text) == bool(scales)
         assert not any("not in the record" in one for one in fit.check())
+
+
+@pytest.mark.parametrize("seed", [0, 7])
+def test_a_large_drift_of_both_outputs_is_no_rudder(seed):
+    """The search runs off beside it, or ends without an estimate: a fit with a drift says why."""
+    rec = short_period(seed)
+    drift = rec.y.std(axis=1, keepdims=True) * np.linspace(0, 1, rec.t.size)
+    fit, text = warned([rec.assign(**dict(zip(rec.outputs, rec.y + drift, strict=True)))], SHORT)
+    assert not fit.success
+    assert "rudder" not in text
+    assert 'First try trend="linear"' in text
+    assert ("With a drift of the outputs it settles" in text) == (fit.status == "rank")
