@@ -35,7 +35,7 @@ from .matched import likelier, matched
 from .own_levels import by_own_levels
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
-from .signs import as_written, positive
+from .signs import as_begun, as_written, positive
 from .spread import spread_of
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
@@ -217,7 +217,7 @@ def fit_equation(
         return found or restarted(sought_from, structure, layout, records, learns)
 
     if fit.success:
-        found = as_written(positive(fit, sought_from), sought_from)
+        found = as_begun(as_written(positive(fit, sought_from), sought_from), sought_from)
         found = likelier(found, sought_from, structure, layout, records)
         # Far above the noise it may be a false minimum: Hill terms had such in one of four records.
         lost = again is not None and ran_away(found) and not any([start is not None for start in told])
