@@ -23,7 +23,7 @@ from .restarts import compared
 if TYPE_CHECKING:
     from ..equations.symbolic.compiled import Term
 
-__all__ = ["as_begun", "as_written", "positive", "settled", "signed", "signs_open"]
+__all__ = ["as_begun", "as_written", "positive", "settled", "signed", "signs_open", "starts_choose"]
 
 TURNED = 2  # parameters below 0, of which one may be a time constant; derivatives of an aircraft are more
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
@@ -86,17 +86,27 @@ def as_begun(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     Searches step across from one to the other: r*N*(1 - N/K)*(N/A - 1) begun at A = 20 and K = 100, where
     both are, ended at A = 100 and K = 20 for 4 of 20 records.
     """
-    words: Any = fit.layout.formulas.words
-    if words["linear"] or not fit.usable or all([start is None for start in words["starts"]]):
-        return fit
-    from ..equations.symbolic.twins import twins
-
-    other = min(twins(fit.layout.compiled, fit.params), key=lambda x: nearer(fit, x), default=fit.params)
+    other = min(_twins(fit), key=lambda x: nearer(fit, x), default=fit.params)
     if not nearer(fit, other) < 0:
         return fit
     found = sought(other.tolist(), None, near=True)
     same = found.success and found.cost <= (1 + MIRRORED) * fit.cost
     return found if same and nearer(fit, found.params) < 0 else fit
+
+
+def starts_choose(fit: EquationFit) -> bool:
+    """Whether given starts alone tell the parameters from others that make the same equations."""
+    return any([nearer(fit, other) > 0 for other in _twins(fit)])
+
+
+def _twins(fit: EquationFit) -> list[F64]:
+    """Other parameters with the same equations; none where no start is given."""
+    words: Any = fit.layout.formulas.words
+    if words["linear"] or not fit.usable or all([start is None for start in words["starts"]]):
+        return []
+    from ..equations.symbolic.twins import twins
+
+    return twins(fit.layout.compiled, fit.params)
 
 
 def _turned(
