@@ -32,19 +32,12 @@ def test_starts_choose(records):
         assert other["A"] == pytest.approx(fit["K"], rel=1e-3)
 
 
-def test_starts_choose_for_many_records(records):
-    found = mf.fit_many(records, allee(100, 20))
-    assert np.all(found.params[:, list(found.param_names).index("A")] < 30)
-
-
-def test_starts_choose_in_studies():
-    truth = {"r": 0.3, "K": 100.0, "A": 20.0}
-    clean = mf.simulate(allee(100, 20).model(truth), duration=14, intervals=280, initial_state=[25.0])
-
-    def made(cell: object, rng: np.random.Generator) -> mf.Record:
-        return clean.assign(N=clean["N"] + 0.05 * clean["N"].std() * rng.standard_normal(281))
-
-    own = {"ml": mf.Estimator(allee(100, 20))}
-    study = mf.MonteCarlo(generate=made, truth=truth, estimators=own, replicates=20, seed=3)
-    found = study.run(progress=False, keep="samples")
-    assert np.all(found.samples[0, :, 2] < 30)  # all were the other way round
+@pytest.mark.parametrize("seed", [0, 3])
+def test_starts_choose_in_batches(seed):
+    clean = mf.simulate(
+        allee(100, 20).model(TRUTH | {"r": 0.3}), duration=14, intervals=280, initial_state=[25.0]
+    )
+    sd = 0.05 * clean["N"].std()
+    noise = [sd * np.random.default_rng([seed, k]).standard_normal(281) for k in range(3)]
+    found = mf.fit_many([clean.assign(N=clean["N"] + own) for own in noise], allee(100, 20))
+    assert np.all(found.params[:, list(found.param_names).index("A")] < 30)  # all were the other way round
