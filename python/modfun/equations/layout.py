@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .symbolic.compiled import Compiled
     from .symbolic.formulas import Formulas
 
-__all__ = ["EquationLayout", "layout_of", "with_excess"]
+__all__ = ["EquationLayout", "layout_of", "with_excess", "with_spread"]
 
 KEPT = 32
 
@@ -145,6 +145,16 @@ def layout_of(
     if isinstance(own.noise, Noise):
         own = own.replace(noise=Noise(y=1.0, u=None if own.noise.u is None else 1.0))
     return _layout(structure, own, outputs, inputs, forms)
+
+
+@lru_cache(KEPT)
+def with_spread(layout: EquationLayout) -> EquationLayout:
+    """The same equations with the noise of each sample of the outputs, whose channels come last; themselves
+    where noise has no mean in them."""
+    from .symbolic.spread import spread
+
+    found = spread(layout.formulas, len(layout.outputs))
+    return layout if found is layout.formulas else replace(layout, formulas=found)
 
 
 @lru_cache(KEPT)

@@ -24,6 +24,7 @@ from .changes import Alone, Changes, may_change
 from .few_lines import many_at_least_white
 from .of_equations import PreparedEquation, batch_of, prepare_equation
 from .prepared import Prepared, prepare, refuse_cut_off, refuse_standing
+from .signs import starts_choose
 from .wider import ENOUGH, LOOKED, NEARLY
 
 __all__ = ["fit_batch", "fit_each"]
@@ -59,6 +60,7 @@ def fit_batch(
             return None
 
     starts: list[float] | None = None
+    near = False  # whether searches stay beside their start
     made: Prepared | PreparedEquation
     if isinstance(structure, TransferFunction):
         made = prepare(structure, options, sample)
@@ -73,12 +75,13 @@ def fit_batch(
     else:
         made = prepare_equation(structure, options, sample)
         y, u = batch_of(made, data)
-        if not made.layout.formulas.words["linear"] and (starts := _starts(data, single)):
-            made = prepare_equation(structure, options, sample, starts=starts)
+        if not made.layout.formulas.words["linear"] and (first := _first(data, single)):
+            starts, near = [float(value) for value in first.params], starts_choose(first)
+            made = prepare_equation(structure, options, sample, starts=starts, near=near)
     with Progress(progress, *SHOWN) as bar:
         found = made.core.fit_many(y, u, threads=threads, progress=bar)
         if isinstance(made, PreparedEquation) and (wide := _wider(found, options, single)) is not None:
-            made = prepare_equation(structure, wide, sample, starts=starts)
+            made = prepare_equation(structure, wide, sample, starts=starts, near=near)
             found = made.core.fit_many(y, u, threads=threads, progress=bar)
     if isinstance(made, PreparedEquation) and not options.drives:
         found = many_at_least_white(found)
@@ -95,8 +98,8 @@ def fit_batch(
     return FitMany.of_core(found, made.layout, structure, options, alone, look, notes)
 
 
-def _starts(data: Batch | tuple[Record, ...], single: Callable[[int], Fit | None]) -> list[float] | None:
-    """Estimates of the first record that a single fit settles, from which searches of all begin.
+def _first(data: Batch | tuple[Record, ...], single: Callable[[int], Fit | None]) -> Any:
+    """The first record's fit that settles, at whose estimates searches of all begin; None where none does.
 
     A single fit begins again elsewhere where a search leads astray, which the core does not: by itself it led
     all of 20 records of a Monod reactor to Ks = 7.6 instead of 0.6.
@@ -104,7 +107,7 @@ def _starts(data: Batch | tuple[Record, ...], single: Callable[[int], Fit | None
     for k in range(min(TRIED, len(data))):
         first = single(k)
         if first is not None and first.success and not first.at_bound:
-            return [float(value) for value in first.params]
+            return first
     return None
 
 

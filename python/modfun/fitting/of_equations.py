@@ -13,7 +13,7 @@ import numpy as np
 from .._core import TermsFitter, noise_level
 from ..base.arrays import F64, geometric_mean
 from ..base.effort import spend
-from ..equations.layout import EquationLayout, layout_of, with_excess
+from ..equations.layout import EquationLayout, layout_of, with_excess, with_spread
 from ..errors import DataError, SpecError
 from ..models.noise import Noise
 from ..models.options import Options
@@ -35,7 +35,8 @@ from .matched import likelier, matched
 from .own_levels import by_own_levels
 from .prepared import KEPT, LONGEST, refuse_known_start, refuse_uneven
 from .restarts import restarted, settled_within
-from .signs import as_written, positive
+from .signs import as_begun, as_written, positive
+from .spread import spread_of
 
 __all__ = ["PreparedEquation", "batch_of", "fit_equation", "prepare_equation"]
 
@@ -81,13 +82,15 @@ def prepare_equation(
     within: tuple[tuple[float, float], ...] | None = None,
     less: bool = False,
     near: bool = False,
+    own_noise: bool = False,
 ) -> PreparedEquation:
     """What fits of equations share whatever the samples.
 
     `learn`: levels of noise with the parameters; `starts`: values of these from which the search begins,
     None where it is free; `within`: their bounds instead of those of the equations; `less`: whether equations
     have a known signal each, which is taken from them; `near`: whether the starts are estimates of these
-    equations, beside which no others are tried.
+    equations, beside which no others are tried; `own_noise`: whether the channels end with the noise of each
+    sample of the outputs.
 
     Raises
     ------
@@ -104,6 +107,7 @@ def prepare_equation(
         first = data[0]
         sampling = tuple([(rec.y.shape[1], rec.t if rec.dt is None else rec.dt) for rec in data])
     layout = layout_of(structure, options, first.outputs, first.inputs, forms_of(data))
+    layout = with_spread(layout) if own_noise else layout
     layout = with_excess(layout, options.rule) if less else layout
     trend = structure.trend if options.trend == "auto" else options.trend
     levels = levels or _levels(options.noise, len(first.outputs), len(first.inputs))
@@ -213,7 +217,7 @@ def fit_equation(
         return found or restarted(sought_from, structure, layout, records, learns)
 
     if fit.success:
-        found = as_written(positive(fit, sought_from), sought_from)
+        found = as_begun(as_written(positive(fit, sought_from), sought_from), sought_from)
         found = likelier(found, sought_from, structure, layout, records)
         # Far above the noise it may be a false minimum: Hill terms had such in one of four records.
         lost = again is not None and ran_away(found) and not any([start is not None for start in told])
@@ -267,6 +271,13 @@ def _sought(
     capped = [None if v is None else relative(v) for v in uneven]
     seen = _seen(records, layout) if not isinstance(options.noise, Noise) else None
     learns = options.noise in ("output", "coloured") and len(layout.outputs) * len(records) > 1
+    weighed = any([rec.sigma is not None for rec in records]) and not options.drives
+    own_noise = weighed and with_spread(layout) is not layout
+    absolute = levels is None and not isinstance(options.noise, Noise)
+    each = [spread_of(rec, order, absolute) for rec in records] if own_noise else []
+    if each:  # in units of the same level
+        both = zip(capped, each, strict=True)
+        capped = [None if v is None else v * own.usual[:, None] ** 2 for v, own in both]
     spread = [_all_noisy(layout, v) for v in capped]
     own = levels is not None and any([too_short(rec.t.size, order) for rec in records])
     blurred = seen is not None or own  # levels that residuals cannot be judged by
@@ -275,18 +286,21 @@ def _sought(
         shown = seen if levels is None else list(levels)
         learns = learn and learnt
         given = (structure, options, records, spread, shown, learns, starts, within, bool(len(less)))
-        made = prepare_equation(*given, near)
+        made = prepare_equation(*given, near, own_noise)
         rows = [
             layout.formulas.rows(y, driving(rec), rec.t, record=k)
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))
         ]
         _refuse_not_finite(layout, rows)
-        if len(less):
-            rows = [np.vstack(both) for both in zip(rows, less, strict=True)]
+        for more in ([own.rows for own in each], less):
+            rows = [np.vstack(both) for both in zip(rows, more, strict=True)] if len(more) else rows
         found = _counted(made, rows)
         if near and found["status"] != "ok":
-            made = prepare_equation(*given)
+            made = prepare_equation(*given, own_noise=own_noise)
             found = _counted(made, rows)
+        for k, own in enumerate(each):  # levels are those of the usual sample
+            for name in ("levels", "seen"):
+                found[name][k, : len(own.usual)] *= own.usual
         made = replace(made, layout=layout)  # that of `less` has a signal more
         return _of_found(found, structure, made, options, records, blurred, again)
 

@@ -1,4 +1,4 @@
-"""Signs of parameters that equations without their hidden signals do not tell, but the equations do."""
+"""Which of several sets of parameters with the same equations is meant: by signs, and by starts."""
 
 from __future__ import annotations
 
@@ -17,12 +17,13 @@ from ..results.cures import CLOSE
 from ..results.diagnosis import level_ratio
 from ..results.estimates import COVARIANCES
 from ..results.of_equations import EquationFit
+from ..results.twins import nearer
 from .restarts import compared
 
 if TYPE_CHECKING:
     from ..equations.symbolic.compiled import Term
 
-__all__ = ["as_written", "positive", "settled", "signed", "signs_open"]
+__all__ = ["as_begun", "as_written", "positive", "settled", "signed", "signs_open", "starts_choose"]
 
 TURNED = 2  # parameters below 0, of which one may be a time constant; derivatives of an aircraft are more
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
@@ -77,6 +78,35 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
         if found := _turned(fit, other, (free | above) & (fit.params < 0) & (other > 0), sought):
             return found
     return fit
+
+
+def as_begun(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
+    """The fit whose parameters are nearest to given starts, of those that make the same equations.
+
+    Searches step across from one to the other: r*N*(1 - N/K)*(N/A - 1) begun at A = 20 and K = 100, where
+    both are, ended at A = 100 and K = 20 for 4 of 20 records.
+    """
+    other = min(_twins(fit), key=lambda x: nearer(fit, x), default=fit.params)
+    if not nearer(fit, other) < 0:
+        return fit
+    found = sought(other.tolist(), None, near=True)
+    same = found.success and found.cost <= (1 + MIRRORED) * fit.cost
+    return found if same and nearer(fit, found.params) < 0 else fit
+
+
+def starts_choose(fit: EquationFit) -> bool:
+    """Whether given starts alone tell the parameters from others that make the same equations."""
+    return any([nearer(fit, other) > 0 for other in _twins(fit)])
+
+
+def _twins(fit: EquationFit) -> list[F64]:
+    """Other parameters with the same equations; none where no start is given."""
+    words: Any = fit.layout.formulas.words
+    if words["linear"] or not fit.usable or all([start is None for start in words["starts"]]):
+        return []
+    from ..equations.symbolic.twins import twins
+
+    return twins(fit.layout.compiled, fit.params)
 
 
 def _turned(

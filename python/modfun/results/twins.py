@@ -12,7 +12,7 @@ from ..base.names import listed
 from .doubts import Doubt
 from .estimates import Estimates
 
-__all__ = ["other_minimum", "other_signs", "twin"]
+__all__ = ["nearer", "other_minimum", "other_signs", "twin"]
 
 EXCHANGED = 2.0  # standard errors between two sets of parameters with the same equations
 
@@ -102,10 +102,15 @@ def _open(fit: Estimates, other: NDArray[np.float64]) -> bool:
     known = isinstance(fit.options.initial_state, str) and np.all(other * fit.params > 0)
     if not known or not np.any(np.abs(apart) > EXCHANGED * fit.spread):
         return False
+    return nearer(fit, other) <= 0.0
+
+
+def nearer(fit: Estimates, other: NDArray[np.float64]) -> float:
+    """By how much the estimates are nearer to given starts than others are; 0 where no start tells."""
     layout: Any = fit.layout
-    nearer = 0.0  # the estimates to the starts than the others are
-    for name, own, by in zip(fit.param_names, fit.params, apart, strict=True):
+    found = 0.0
+    for name, own, by in zip(fit.param_names, fit.params, other - fit.params, strict=True):
         given = layout.compiled.free.get(name)
         if given is not None and given.start is not None and abs(by) > 1e-3 * abs(own):
-            nearer += ((own + by - given.start) ** 2 - (own - given.start) ** 2) / by**2
-    return nearer <= 0.0
+            found += ((own + by - given.start) ** 2 - (own - given.start) ** 2) / by**2
+    return found
