@@ -20,6 +20,7 @@ from .cures import CLOSE, WORTH, again, amplified, bic_beside, on_band
 from .diagnosis import level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
+from .fitted_samples import measured_lines
 from .lags import EXTRA, free_delays, least_time, undelayed, unused
 from .rewritten import in_words, rewritten
 
@@ -80,6 +81,7 @@ def uncounted_lag(fit: Estimates) -> str:
 def _in_place(fit: Estimates) -> _Lag | None:
     """The lag in place of a delay that is seen; None where there is none, or no fit with it."""
     plain = fit.again is not None and fit.process_levels is None and not fit.options.reference
+    plain = plain and measured_lines(fit)  # of filled ones BIC tells nothing
     if not plain or fit.options.method not in ("ml", "awls") or noise_free(fit) is not None or amplified(fit):
         return None
     found, records = _changed(fit), _from_first(fit)
