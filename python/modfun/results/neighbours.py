@@ -294,7 +294,9 @@ def _offsets(model: Equation) -> Changed:
     if not model.linear:
         for x, structure, key in with_offset(model):
             name = unused("c", model)
-            yield f"an offset of {x}, ({x} - {name}) in its place ({name} = {{}})", structure, key
+            words = f"an offset of {x}, ({x} - {name}) in its place ({name} = {{}})"
+            # Of a law that nothing drives, one that saturates looks the same.
+            yield words if model.inputs else f"{words}, or a law of another form", structure, key
 
 
 def _terms(fit: Estimates, model: Equation) -> Changed:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from ..base.cached import kept
 from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.free import Free
+from .contained import contained
 from .cures import (
     CLOSE,
     ENOUGH,
@@ -207,7 +209,8 @@ def _bent(fit: Estimates) -> str:
     names = ", ".join((*fit.outputs, *fit.inputs))
     return (
         f"The means of {names} are {numbers(means)}, of motions of {numbers(spread)} (rms), and a constant "
-        f"lowers the residuals from {numbers(levels)} to {numbers(left)}: channels have an offset."
+        f"lowers the residuals from {numbers(levels)} to {numbers(left)}: channels have an offset"
+        f"{', or the law has another form' if _undriven(fit) else ''}."
     )
 
 
@@ -333,7 +336,50 @@ def _constant(fit: Estimates) -> tuple[str, float]:
     after = math.inf if other is None else bic_beside(other, fit)
     if (found := _offset_of(fit, after)) is not None:
         return found.words, found.after
-    return f'Fit with trend="constant", or write a constant into the equation.{_both_ways(fit)}', after
+    form = _other_form(fit, after) if _undriven(fit) else ""
+    cure = 'it with trend="constant", or write a constant into the equation.'
+    return f"{form}{'f' if form else 'F'}{cure}{_both_ways(fit)}", after
+
+
+def _undriven(fit: Estimates) -> bool:
+    """Whether a law is nonlinear and nothing drives it: it has no trim, and its form is often a guess."""
+    model = fit.structure
+    return isinstance(model, Equation) and not (model.linear or model.inputs or model.hidden)
+
+
+def _other_form(fit: Estimates, constant: float) -> str:
+    """The terms of an output that explain a record as well as a constant does, with which BIC is `constant`.
+
+    Beside a logistic law, one lowers the residuals of growth by Gompertz's law to the noise: r is half.
+    """
+    model, records = fit.structure, fit.records or ()
+    assert isinstance(model, Equation)
+    found = []
+    for y in model.outputs:
+        terms = [f"{y}**2", f"{y}**3"]
+        if min(float(np.min(rec[y])) for rec in records) > 0:
+            terms += [f"{y}*log({y})", f"sqrt({y})"]
+        for k, term in product(range(len(model.texts)), terms):
+            if contained(fit, k, term):
+                continue
+            texts = [own + f" + {EXTRA}*{term}" if i == k else own for i, own in enumerate(model.texts)]
+            try:
+                other = model._like(text=texts, params={**dict(model.params), EXTRA: Free()})
+            except ModfunError:
+                continue
+            made = again(fit, records, other, on_band(fit, fit.band), near=_is_near(fit))
+            if made is not None and made.success and (after := bic_beside(made, fit)) < constant + CLOSE:
+                found.append((after, term if len(texts) == 1 else f"{term} in equation {k + 1}"))
+    if not found:
+        return ""
+    found.sort()
+    alike = " or ".join([term for after, term in found if after < found[0][0] + CLOSE])
+    before, after = bic_beside(fit, fit), found[0][0]
+    first = "First try" if after < constant - CLOSE else "As likely as a constant is"
+    return (
+        f"{first} a term in {alike}: BIC falls from {before:.4g} to {after:.4g}, and with a constant "
+        f"to {constant:.4g}. For an offset: "
+    )
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,8 @@ TERMS = 4  # polynomials of the level over that size; 3 miss a low floor, 6 and 
 SHORTEST = 64  # samples
 ORDER = 8  # of the autoregression
 SAME = 1e-9  # singular values below are rounding
+SMOOTH = 0.05  # p-value below which neighbours among residuals are alike where these are large
+ALIKE = 35 / 18  # times the variance of white noise: of sums of squared second differences of it
 FURTHER = 3.0  # times the noise's level: errors of a simulation that are no noise
 LEAST = 0.1  # of its noise that residuals show
 
@@ -59,7 +61,8 @@ class Uneven(NamedTuple):
     errors : tuple of ndarray
         Residuals of each record, (output, time), without its last sample.
     new : tuple of ndarray
-        What an autoregression does not foresee of them, (output, time), without the first `ORDER` samples.
+        What an autoregression does not foresee of them, (output, time), without the first `ORDER` samples;
+        second differences where a simulation is off.
     readings : tuple of ndarray
         Sizes of the simulated outputs of each record, (output, time).
     goes : ndarray
@@ -89,7 +92,9 @@ def uneven(fit: Estimates) -> Uneven | None:
 
     Squares of what an autoregression does not foresee of the residuals are regressed on polynomials of the
     time, and on those of the size of the simulated output; their number times R² is chi-squared, whatever the
-    tails of the noise (R. Koenker, J. Econometrics 17, 1981). The plainer of the two tells the level.
+    tails of the noise (R. Koenker, J. Econometrics 17, 1981). The plainer of the two tells the level. Of
+    nonlinear equations, errors of parameters put a steep peak a little off its time: such residuals are no
+    noise of samples, and second differences of them are.
     """
     records = fit.records or ()
     short = min(fit.intervals, default=0) < SHORTEST or any(rec.dt is None for rec in records)
@@ -119,16 +124,24 @@ def uneven(fit: Estimates) -> Uneven | None:
         for own, rec in zip(errors, records, strict=True)
     ):
         return None  # of a simulation that runs away
-    if not (fit.layout.rational or fit.structure.linear) and _leaves(fit, errors):
+    nonlinear = not (fit.layout.rational or fit.structure.linear)
+    if nonlinear and _leaves(fit, errors):
         return None  # of a chaotic system, whose errors are its own divergence
     new = tuple([unforeseen(own) for own in errors])
     sizes = tuple([np.abs(own) for own in found])
-    in_time, over_sizes = p_values(new), p_values(new, sizes)
-    p = np.minimum(in_time, over_sizes)
-    chance = 2 * p.size * p
-    most = int(np.argmin(p))
+    in_time, over_sizes, chance = _chances(new, sizes)
+    if nonlinear and np.any(chance < UNEVEN) and np.any(_chances(new, sizes, late=1)[2] < SMOOTH):
+        new = tuple([np.diff(own, 2)[:, ORDER - 2 :] / np.sqrt(6) for own in errors])
+        in_time, over_sizes, chance = _chances(new, sizes, alike=ALIKE)
+    most = int(np.argmin(chance))
     goes = (over_sizes < in_time) & (chance < UNEVEN)
     return Uneven(min(1.0, float(chance[most])), most, tuple(errors), new, sizes, goes)
+
+
+def _chances(new: Sequence[F64], sizes: Sequence[F64], **how: Any) -> tuple[F64, F64, F64]:
+    """p-values of each output in time and over sizes, and of the lower, as one of all these, (output,)."""
+    in_time, over_sizes = p_values(new, **how), p_values(new, sizes, **how)
+    return in_time, over_sizes, 2 * in_time.size * np.minimum(in_time, over_sizes)
 
 
 def _leaves(fit: Estimates, errors: Sequence[F64]) -> bool:
@@ -154,25 +167,30 @@ def unforeseen(errors: F64) -> F64:
     return np.asarray(now - np.einsum("rtk,rk->rt", basis, np.einsum("rtk,rt->rk", basis, now)))
 
 
-def p_values(new: Sequence[F64], sizes: Sequence[F64] | None = None) -> F64:
+def p_values(
+    new: Sequence[F64], sizes: Sequence[F64] | None = None, *, late: int = 0, alike: float = 1.0
+) -> F64:
     """Of the test that the squares of rows do not change, (row,); records follow one another.
 
-    In time, or with the sizes of what is read, (row, time), in each record.
+    In time, or with the sizes of what is read, (row, time), in each record. `late`: of products with so many
+    samples before instead; `alike`: by how much sums of squares scatter more than those of white noise.
     """
     from scipy.special import chdtrc
 
     total = np.zeros(len(new[0]))
     for k, rows in enumerate(new):
         size = np.abs(rows).max(axis=1, keepdims=True)  # squares of any unit stay numbers
-        squares = (rows / np.where(size > 0, size, 1.0)) ** 2
+        scaled = rows / np.where(size > 0, size, 1.0)
+        squares = scaled[:, late:] * scaled[:, : rows.shape[1] - late]
         about = squares - squares.mean(axis=1, keepdims=True)
         power = np.sum(about**2, axis=1)
         if sizes is None:
-            basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(_times(rows.shape[1]), POWERS))[0][:, 1:]
+            times = _times(rows.shape[1])[late:]
+            basis = np.linalg.qr(np.polynomial.chebyshev.chebvander(times, POWERS))[0][:, 1:]
             explained = np.sum((about @ basis) ** 2, axis=1)
         else:
-            explained = _explained(about, sizes[k][:, ORDER:])
-        total += rows.shape[1] * explained / np.where(power > 0, power, 1.0)
+            explained = _explained(about, sizes[k][:, ORDER + late :])
+        total += squares.shape[1] / alike * explained / np.where(power > 0, power, 1.0)
     return np.asarray(chdtrc((POWERS if sizes is None else READING) * len(new), total))
 
 
