@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, nan
 from typing import Any
 
 import numpy as np
@@ -13,9 +13,10 @@ from ..models.free import Free, refuse_priors
 from ..models.layout import Layout
 from ..models.options import Options
 from ..models.transfer_function import TransferFunction
-from ..reduction.rational import fit_rational
+from ..reduction.rational import RationalFit, fit_rational
 from ..results.of_gains import ResponseFit
 from ..systems.frequency_response import FrequencyResponse
+from .gain_noise import gain_noise
 
 __all__ = ["fit_response"]
 
@@ -24,7 +25,7 @@ TAKEN = ("method", "band", "tol", "maxiter")  # options that mean something here
 
 
 def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> ResponseFit:
-    """Fit a structure to the gains: the least Σ r*C⁻¹r, C their covariance (equal weights where unknown).
+    """Fit a structure to the gains: the least Σ r*C⁻¹r, C their covariance (`gain_noise` where unknown).
 
     Gains made of the same lines have errors that are alike: each counts as much as it is its own.
 
@@ -48,20 +49,27 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
     layout = structure.layout(data.outputs, data.inputs)
     paths, lines = len(data.outputs) * len(data.inputs), data.omega.size
     own = _own(data)
-    # A covariance is shared by real and imaginary parts, half each.
-    weight = (
-        np.broadcast_to(np.eye(paths), (lines, paths, paths)) if data.cov is None else 2 * _inverse(data.cov)
-    )
-    found = fit_rational(
-        data.omega,
-        data.response,
-        layout,
-        weight * own[:, None, None] if paths > 1 else weight[:, 0, 0] * own,
-        tol=min(options.tol, 1e-9),
-        maxiter=max(options.maxiter, 100),
-    )
     count = len(layout.param_names)
     free = max(round(2 * paths * float(own.sum())) - count, 1)
+
+    def weighted(weight: C128 | F64, start: RationalFit | None = None) -> RationalFit:
+        """The fit with inverse covariances (omega, path, path), which real and imaginary parts share."""
+        return fit_rational(
+            data.omega,
+            data.response,
+            layout,
+            2 * weight * own[:, None, None] if paths > 1 else 2 * weight[:, 0, 0] * own,
+            start=None if start is None else start.free_poles,
+            tol=min(options.tol, 1e-9),
+            maxiter=max(options.maxiter, 100),
+        )
+
+    if data.cov is None:
+        found, floor, uneven = gain_noise(
+            lambda size, start: weighted(np.eye(paths) / size[:, :, None] ** 2, start), data.omega, own, free
+        )
+    else:
+        found, floor, uneven = weighted(_inverse(data.cov)), inf, nan
     level = found.cost / free
     # Variances that came with the gains are believed, unless the misfit is larger.
     cov = found.cov * (level if data.cov is None else max(level, 1.0))
@@ -86,7 +94,8 @@ def fit_response(data: FrequencyResponse, structure: Any, options: Options) -> R
         "band_rule": None,
         "residuals": [(residuals[0] + 1j * residuals[1]).T * np.sqrt(free / max(found.cost, 1e-300))],
     }
-    return ResponseFit.of_core(answer, structure, layout, options, None, (), data=data)
+    noise = {"floor": floor, "uneven_p": uneven}
+    return ResponseFit.of_core(answer, structure, layout, options, None, (), data=data, **noise)
 
 
 def _at_bound(layout: Layout, theta: F64) -> list[bool]:

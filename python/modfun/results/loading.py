@@ -84,6 +84,8 @@ def _fit_of(values: dict[str, Any]) -> Fit:
     fields["pieces"] = tuple(pieces)
     if "data" in values:
         data = FrequencyResponse.from_dict(values["data"])
+        fields["floor"] = float(values.get("floor", "inf"))  # files of old have none
+        fields["uneven_p"] = float(values.get("uneven_p", "nan"))
         return ResponseFit(layout=structure.layout(data.outputs, data.inputs), data=data, **fields)
     if isinstance(structure, TransferFunction):
         return Fit(layout=structure.layout(values["outputs"], values["inputs"]), **fields)

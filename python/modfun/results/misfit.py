@@ -78,9 +78,8 @@ def misfit(fit: Estimates) -> Doubt | None:
 def suspicious(fit: Estimates) -> bool:
     """Whether a cheap test finds anything odd about the residual lines."""
     level = level_p(fit)
-    if (
-        level < (LOOK if fit.layout.rational else _plausible(fit)) or level > 1 - LOOK
-    ):  # or the high band holds signal, such as steps, and tells no level
+    # Above it the high band holds signal, such as steps, and tells no level.
+    if level < (LOOK if fit.layout.rational else _plausible(fit)) or level > 1 - LOOK:
         return True
     if any(sharpest(rec.y) > SPIKE for rec in fit.records or ()):
         return True
@@ -136,12 +135,11 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         if sure or likely or (spoken and not sure_only):
             said += _further(fit, one, sure, spoken)
     told = isinstance(fit.options.noise, Noise)  # wrongly, perhaps
-    if high and not told and not any(doubt.sure for doubt, _ in said):
+    masked = isnan(d.chi2_p) and not stationary(fit)  # shows no level, and no response by its lines
+    if (high or (masked and refuted(fit))) and not told and not any(doubt.sure for doubt, _ in said):
         said += _of_structure(fit)
     measured = measured_lines(fit)
-    seen = (
-        measured and min(d.correlation.p_value, d.colour.p_value) < UNLIKELY
-    )  # of a linear equation, without a level
+    seen = measured and min(d.correlation.p_value, d.colour.p_value) < UNLIKELY  # without a level
     if d.chi2_p < _plausible(fit) or (isnan(d.chi2_p) and seen):
         products = _of_products(fit, d)
         said += [(products, 0.0)] if products else _of_written(fit, d, sure_only)
@@ -348,6 +346,8 @@ def _of_structure(fit: Estimates) -> list[tuple[Doubt, float]]:
 
 
 def _above(fit: Estimates, y: str) -> str:
+    if isnan(level_p(fit)):
+        return f"Part of the response of {y} is missing."
     return f"The residuals of {y} are far above the noise {seen_noise(fit)[0]}."
 
 

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .cures import CLOSE, ENOUGH, Cure, again, on_band
+from .cures import CLOSE, Cure, again, on_band
 from .diagnosis import diagnose, poles_of
 from .doubts import SURE
 from .estimates import Estimates
 from .further import Explained
-from .next_structures import best_cure
+from .next_structures import best_cure, settles
 from .origin import hum, in_process_noise, on_wide_band, origin, wide_band
 
 __all__ = ["UNSPOKEN", "like_gusts", "linear_instead", "missing_mode", "tone_left"]
@@ -81,9 +81,9 @@ def _cures(fit: Estimates, output: int, channels: Sequence[str | None]) -> list[
 
 
 def _settling(fit: Estimates, output: int) -> list[Cure]:
-    """Those that leave no more than the noise of the high band."""
+    """Those that leave no more than noise."""
     cures = _cures(fit, output, fit.inputs or (None,))
-    return [cure for cure in cures if cure.level_p > ENOUGH and cure.before - cure.after > UNSPOKEN]
+    return [cure for cure in cures if settles(cure) and cure.before - cure.after > UNSPOKEN]
 
 
 def _decays(cure: Cure) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import inf, isfinite, pi
+from math import inf, isfinite, isnan, pi
 from typing import Any
 
 from ..base.between import BY_FIT, MIXED
@@ -15,9 +15,11 @@ from ..records.record import Record
 from .cures import CLOSE, ENOUGH, WORTH, Cure, again, as_declared, bic_beside, on_band, otherwise, with_drift
 from .diagnosis import growth, level_p
 from .estimates import Estimates
+from .fitted_samples import measured_lines, stationary
+from .line_tests import colour_of_lines, correlation_of_lines
 from .rewritten import in_words, rewritten
 
-__all__ = ["best_cure"]
+__all__ = ["best_cure", "settles"]
 
 MOST_POLES = 6  # of an output; more than that is a matter for `select_order`
 RADIAN = 0.5  # of the highest line: delays tried first are so far apart,
@@ -56,6 +58,16 @@ def best_cure(fit: Estimates, output: int, channel: str | None) -> Cure | None:
     # Poles follow a drift, too.
     drift = with_drift(fit) if found and "poles=" in found.words and fit.trend == "constant" else None
     return drift if found and drift and drift.after < found.after else found
+
+
+def settles(cure: Cure) -> bool:
+    """Whether a structure leaves noise alone: by its level, or beside masks, which show none, its lines."""
+    fit = cure.fit
+    if fit is None or not isnan(cure.level_p) or stationary(fit) or not measured_lines(fit):
+        return cure.level_p > ENOUGH
+    tests = (colour_of_lines, correlation_of_lines)
+    rows = [[piece[i] for piece in fit.pieces] for i in range(len(fit.row_names))]
+    return all(test(row)[0].p_value > ENOUGH for test in tests for row in rows)
 
 
 def _roughly(fit: Estimates, structure: Any, options: Options) -> Estimates | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import nan
+from math import inf, nan
 from typing import Any, Never
 
 import numpy as np
@@ -23,6 +23,7 @@ from .summary import one_line
 
 __all__ = ["ResponseFit"]
 
+UNEVEN = 1e-4  # p-value of sizes of residuals: below it their noise is not that of the weights
 LEAST = 2.1  # complex degrees of freedom of a variance, at least: below 2 the misfit has none itself
 
 
@@ -36,9 +37,16 @@ class ResponseFit(Fit):
     ----------
     data : FrequencyResponse
         The gains that were fitted.
+    floor : float
+        Without standard errors of the gains their noise was taken as √(floor² + |G|²) times `sigma`; inf: as
+        `sigma` at each.
+    uneven_p : float
+        Probability that residuals beside such noise go with |G| or the frequency as much by chance.
     """
 
     data: FrequencyResponse = field(default_factory=lambda: FrequencyResponse([], np.empty((1, 1, 0))))
+    floor: float = inf
+    uneven_p: float = nan
 
     @property
     def band(self) -> tuple[float, float]:
@@ -93,7 +101,7 @@ class ResponseFit(Fit):
 
     @property
     def sigma(self) -> float:
-        """Level of the misfit: over the standard errors of the gains, or without these of the gains."""
+        """Level of the misfit: over the standard errors of the gains; without these see `floor`."""
         return float(np.sqrt(self.cost / max(self.df_resid, 1)))
 
     def facts(self) -> list[tuple[str, str]]:
@@ -101,7 +109,7 @@ class ResponseFit(Fit):
         low, high = self.band
         level = f"misfit {self.sigma:.4g} times the standard errors that came with the gains"
         if self.data.cov is None:
-            level = f"no standard errors came with the gains; misfit {self.sigma:.4g} (standard deviation)"
+            level = f"no standard errors came with the gains; noise: {self._noise}, as the residuals show"
         return [
             ("Model", f"{', '.join(self.inputs)} -> {', '.join(self.outputs)}: {self.structure!r}"),
             (
@@ -143,7 +151,22 @@ class ResponseFit(Fit):
                 "model misses something, or gains are biased, as those of wide neighbourhoods are at "
                 "resonances."
             )
+        if self.uneven_p < UNEVEN:
+            found.append(
+                "No standard errors came with the gains, and their residuals contradict noise of "
+                f"{self._noise}: their sizes go with the gain, the frequency or the path beyond that (p = "
+                f"{self.uneven_p:.1g}). Either the model misses something, or the noise has another shape: "
+                "give the standard error of each gain, FrequencyResponse(..., bse=...)."
+            )
         return Findings(f"Check of {one_line(self)}", [*found, *self.data.notes])
+
+    @property
+    def _noise(self) -> str:
+        """The noise of gains that came without standard errors, in words."""
+        if self.floor == inf:
+            return f"{self.sigma:.3g} at each gain"
+        least = f", at least {self.sigma * self.floor:.2g}" if self.floor else ""
+        return f"{100 * self.sigma:.3g} % of each gain{least}"
 
     def content(self) -> Content:
         """What its page says of the gains, and what is told and found."""
@@ -151,7 +174,7 @@ class ResponseFit(Fit):
 
     def own_values(self) -> dict[str, Any]:
         """What is kept of it besides what all fits have: the gains, which are no samples."""
-        return {"data": self.data.to_dict()}
+        return {"data": self.data.to_dict(), "floor": self.floor, "uneven_p": self.uneven_p}
 
     def _failings(self) -> list[str]:
         found = [] if self.success else [self.message]

@@ -5,14 +5,14 @@ from __future__ import annotations
 from ..base.cached import kept
 from ..models.transfer_function import TransferFunction
 from .coloured_load import MOST_PATHS, in_coloured_noise
-from .cures import DRIFT, ENOUGH
+from .cures import DRIFT
 from .diagnosis import diagnose
 from .doubts import SURE, Doubt, clipped, joined, noise_free
 from .estimates import Estimates
 from .fitted_samples import stationary
 from .further import event
 from .misfit import UNLIKELY, bends_in_loop, refuted, suspicious
-from .next_structures import best_cure
+from .next_structures import best_cure, settles
 
 __all__ = ["settles_otherwise", "unseen_event"]
 
@@ -67,4 +67,4 @@ def _inside(fit: Estimates, time: float) -> bool:
 def settles_otherwise(fit: Estimates) -> bool:
     """Whether another structure leaves noise: after a single step of an input what is missing is an event."""
     cures = [best_cure(fit, i, u) for i in range(len(fit.outputs)) for u in fit.inputs]
-    return any(cure is not None and cure.words != DRIFT and cure.level_p > ENOUGH for cure in cures)
+    return any(cure is not None and cure.words != DRIFT and settles(cure) for cure in cures)
