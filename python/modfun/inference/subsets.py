@@ -97,6 +97,8 @@ class Subsets:
         else:
             for start in (*self._best(self.found, POLISHED), *seeds):
                 self._polish(np.asarray(start) | self.keep)
+        for start in {one.tobytes(): one for one in (*self._best(self.found, 1), *seeds)}.values():
+            self._exchange(np.asarray(start) | self.keep)
         return [(self._mask(key), value) for key, value in sorted(self.found.items(), key=lambda x: x[1])]
 
     def _best(self, subsets: dict[bytes, float], count: int) -> list[Any]:
@@ -182,6 +184,37 @@ class Subsets:
             # Falls at every step, also where rounding makes the new table's value another.
             mask, table, value = masks[0], tables[0], values[0]
 
+    def _exchange(self, chosen: Any) -> None:
+        """The best pair in place of each candidate, and the best single one in place of each pair.
+
+        Single exchanges and beams pass them by, where one of a pair is of no use without the other.
+        """
+        mask, table = self._swept(chosen)
+        others = np.flatnonzero(mask & ~self.keep)
+        for k, one in enumerate(others):
+            without = _sweep(table[None], np.array([one]), out=True)
+            masks = mask[None] & (np.arange(mask.size) != one)
+            may = ~mask & (np.diag(without[0])[:-1] > COLLINEAR)
+            if (pair := _best_pair(without[0], may, self.penalty)) is not None:
+                self._put_in(masks, without, pair)
+            rest = others[k + 1 :]
+            tables = _sweep(np.repeat(without, rest.size, axis=0), rest, out=True)
+            own = np.diagonal(tables, axis1=1, axis2=2)[:, :-1]
+            sound = ~mask & (own > COLLINEAR)
+            gain = np.where(
+                sound, tables[:, :-1, -1] ** 2 / np.where(sound, own, 1.0) - self.penalty, -np.inf
+            )
+            for place, best in enumerate(np.argmax(gain, axis=1)):
+                if sound[place, best]:
+                    fewer = masks & (np.arange(mask.size) != rest[place])
+                    self._put_in(fewer, tables[place : place + 1], [best])
+
+    def _put_in(self, masks: Any, tables: F64, which: Iterable[Any]) -> None:
+        for j in which:
+            masks, tables = masks.copy(), _sweep(tables, np.array([j]), out=False)
+            masks[0, j] = True
+        self._record(masks, tables)
+
     def _values(self, masks: Any, tables: F64) -> F64:
         """Criterion of subsets."""
         cost = tables[:, -1, -1]
@@ -231,3 +264,20 @@ def _sweep(tables: F64, at: Any, out: Any) -> F64:
     tables[each, at] = tables[each, :, at] = np.where(out, -1.0, 1.0)[..., None] * scaled
     tables[each, at, at] = -1.0 / pivot
     return np.asarray(tables)
+
+
+def _best_pair(table: F64, may: Any, penalty: F64) -> tuple[int, int] | None:
+    """The two candidates that together lower the criterion most; None where either does as well alone."""
+    at = np.flatnonzero(may)
+    gram, right = table[np.ix_(at, at)], table[at, -1]
+    own = np.diag(gram)
+    alone = right**2 / own - penalty[at]
+    area = own[:, None] * own - gram**2
+    # What a candidate leaves of another one is their area over its own.
+    sound = np.triu(area > COLLINEAR * np.maximum(own[:, None], own), 1)
+    if not sound.any():
+        return None
+    both = right[:, None] ** 2 * own + right**2 * own[:, None] - 2 * gram * np.outer(right, right)
+    both = np.where(sound, both / np.where(sound, area, 1.0) - penalty[at, None] - penalty[at], -np.inf)
+    a, b = np.unravel_index(int(np.argmax(both)), both.shape)
+    return (int(at[a]), int(at[b])) if both[a, b] > max(alone[a], alone[b]) else None

@@ -15,7 +15,7 @@ from .common import contradicts
 from .moments import Estimate, Lines, estimate
 from .subsets import Subsets
 
-__all__ = ["FALSE_ALARM", "Search", "Searched", "penalties", "weights"]
+__all__ = ["FALSE_ALARM", "Search", "Searched", "penalties"]
 
 FALSE_ALARM = 0.01  # chance that any superfluous term of a library comes in
 COLOURINGS = 6  # weights from residuals, those of the whole library first
@@ -219,10 +219,3 @@ class Search:
             return barred, end.estimate.cost / scale + self.penalty[end.chosen].sum()
 
         return min(ends, key=rank)
-
-
-def weights(subsets: Sequence[tuple[Any, float]]) -> F64:
-    """Weights of subsets in an average: exp(−½ criterion), of sum 1."""
-    values = np.array([value for _, value in subsets])
-    found = np.exp(-0.5 * (values - values.min()))
-    return np.asarray(found / found.sum())

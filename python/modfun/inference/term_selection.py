@@ -26,12 +26,12 @@ from ..results.fit import Fit
 from . import drawing_terms
 from .library import Library
 from .term_noise import Noted
-from .term_search import FALSE_ALARM, Searched, weights
+from .term_rivals import alike, weights
+from .term_search import FALSE_ALARM, Searched
 
 __all__ = ["End", "TermSelection", "chosen_fit", "fit_terms", "selection", "sparse"]
 
 LARGER = 3  # sizes beyond the chosen one that the path shows
-ALIKE = 6.0  # rise of the criterion at an exchange, under which two terms are not told apart
 LIKELY = 0.01  # least probability that a summary shows
 AVERAGED = 1e-6  # least weight of a subset in the averages
 # A step that is so much of the band's shortest period, and residuals so many times the noise, say that sums
@@ -65,10 +65,12 @@ class TermSelection(Elsewhere):
         outputs of how well a fit simulates them.
     inclusion : Table
         Each candidate: term, probability, value and se of its coefficient (averages over all subsets seen,
-        weighted by exp(-criterion/2), zero where a subset lacks the term: this se counts the selection),
+        weighted by exp(-criterion/2), or as BIC has it where two terms are in place of a chosen one; zero
+        where a subset lacks the term: this se counts the selection),
         penalty, chosen, kept.
     alike : tuple of str
-        Which terms the records do not tell apart, in words.
+        Which terms the records do not tell apart, in words: one in place of another one, two in place of
+        one, or one in place of two.
     band : (float, float)
         That all subsets were compared on, rad/s.
     noise_sd : dict of str to float
@@ -203,7 +205,7 @@ def selection(
     if fit is None and searched.coloured:
         fit = chosen_fit(records, library, end, noise)
     labels = library.labels()
-    by_weight = weights(searched.subsets)
+    by_weight = weights(searched)
     masks = np.array([mask for mask, _ in searched.subsets])
     value, se = _averages(searched, by_weight)
     inclusion = Table(
@@ -231,7 +233,7 @@ def selection(
         terms=terms,
         path=_path(records, tests, library, searched, options),
         inclusion=inclusion,
-        alike=_alike(labels, searched),
+        alike=alike(labels, searched),
         band=(0.0, edge),
         noise_sd=dict(zip(first.outputs, map(float, sd), strict=True)),
         notes=_notes(library, searched, noise, sparse(records, edge, searched), noted)
@@ -341,21 +343,6 @@ def _simulated(
         return float("nan")
 
 
-def _alike(labels: Sequence[str], searched: Searched) -> tuple[str, ...]:
-    """Exchanges of one chosen term for another that hardly change the criterion."""
-    value = searched.criterion
-    found = []
-    for mask, other in searched.subsets:
-        gone, come = searched.chosen & ~mask, mask & ~searched.chosen
-        if gone.sum() == come.sum() == 1 and other - value < ALIKE:
-            old, new = labels[int(np.argmax(gone))], labels[int(np.argmax(come))]
-            found.append(
-                f"The data hardly tell {old} from {new}: with {new} in its place the criterion rises by "
-                f"{max(other - value, 0.0):.1f} only."
-            )
-    return tuple(found)
-
-
 def sparse(records: Sequence[Record], edge: float, searched: Searched) -> str:
     """That sums over uneven samples err by more than the noise, in words with a full stop; else "".
 
@@ -399,8 +386,8 @@ def _notes(
 ) -> tuple[str, ...]:
     free = sum(not one for one in library.kept)
     notes = [
-        f"Penalties are such that a superfluous term, of {free} candidates, comes in with a probability of "
-        f"at most {100 * FALSE_ALARM:g} %."
+        f"Penalties are such that a superfluous term, of {free} candidates, comes in beside the true ones "
+        f"with a probability of at most {100 * FALSE_ALARM:g} %; terms in place of true ones do not count."
     ]
     if noted.computed is not None:
         v, x = noted.computed.derivative, noted.computed.source

@@ -60,8 +60,9 @@ def select_terms(
 
     The criterion is chi2, the weighted squares of the residuals in units of the noise, plus a penalty for
     each term: the quantile of chi-squared that a superfluous term exceeds with probability
-    0.01/(2^(d+1) n), n the number of candidates of its degree d. All together come in with a probability of
-    at most 1 %, and simple terms more easily than those of high degree. There is no threshold to tune.
+    0.01/(2^(d+1) n), n the number of candidates of its degree d. All together come in beside the true terms
+    with a probability of at most 1 %, and simple terms more easily than those of high degree; `alike` names
+    terms that may take the place of true ones. There is no threshold to tune.
 
     Parameters
     ----------
