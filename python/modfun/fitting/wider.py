@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import ModfunError
 from ..records.record import Record
+from ..records.uneven_rows import gaps
 from ..results.band_end import gains, meets_end
 from ..results.cures import on_band
 from ..results.estimates import Estimates
@@ -32,7 +33,10 @@ def wider_edge(fit: Estimates, records: Sequence[Record], degrees: int, slowest:
     if missing <= 0:
         return edge
     # Of records with gaps the usual step is far shorter than that of sums.
-    steps = [max(float(np.median(np.diff(rec.t))), rec.duration / rec.intervals) for rec in records]
+    steps = [
+        rec.duration / rec.intervals if gaps(rec).size else float(np.median(np.diff(rec.t)))
+        for rec in records
+    ]
     length = sum([step * count for step, count in zip(steps, fit.intervals, strict=True)])
     most = 2 * pi / (slowest * max(steps))
     return max(edge, min(edge + pi * missing / (length * len(fit.outputs)), most))

@@ -135,7 +135,7 @@ def of_residuals(fit: Estimates, d: Diagnosis, *, sure_only: bool = False) -> li
         if sure or likely or (spoken and not sure_only):
             said += _further(fit, one, sure, spoken)
     told = isinstance(fit.options.noise, Noise)  # wrongly, perhaps
-    masked = isnan(d.chi2_p) and not stationary(fit)  # shows no level, and no response by its lines
+    masked = isnan(d.chi2_p) and not (stationary(fit) or fit.options.robust)  # shows no level
     if (high or (masked and refuted(fit))) and not told and not any(doubt.sure for doubt, _ in said):
         said += _of_structure(fit)
     measured = measured_lines(fit)
