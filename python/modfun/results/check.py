@@ -72,6 +72,7 @@ from .offsets import is_all, mean, offset, unanswered
 from .origin import LEAST_GAIN, smaller_errors
 from .powers import not_linear
 from .runaway import runaway
+from .serial import in_samples, serial
 from .slow_inputs import slow_input
 from .slow_noise import slow_noise
 from .slow_poles import slow_pole
@@ -273,6 +274,8 @@ def unexplained(fit: Estimates) -> Doubt | None:
 
 def _left(fit: Estimates) -> Doubt | None:
     """What residuals say first: that noise is slow, where that is beyond doubt or candidates take minutes."""
+    if in_samples(fit):
+        return serial(fit)
     slow = _slow(fit)
     return slow if slow and (slow.sure or not fit.layout.rational) else misfit(fit) or slow
 
@@ -461,7 +464,9 @@ def check(fit: Estimates, line: str) -> Findings:
         told += [said[mean]] if said[mean] and is_all(whole) else []
         # Residuals of another model than the record has say no more.
         time = ""
-        if note is None and not any(doubt and doubt.sure for doubt in told):
+        if in_samples(whole):
+            found += [serial(whole)]
+        elif note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
             time = "" if said[late_channel] else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
             slow = _slow(whole)
