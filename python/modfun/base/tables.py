@@ -22,6 +22,8 @@ from .writing import write_text
 __all__ = ["Findings", "Table"]
 
 DIGITS = 5  # significant digits of the largest number of a column
+MOST = 9  # the same where a small number beside it has a small error
+ESTIMATES = ("value", "low", "high")  # columns in the units of a column "se" or "bse", as limits in per cent
 
 
 @public
@@ -218,8 +220,20 @@ class Table:
 
     def _cells(self) -> tuple[list[list[str]], list[bool]]:
         """The columns as texts, and which of them are numbers."""
-        columns = self._columns.values()
-        return [_texts(values) for values in columns], [_is_number(values) for values in columns]
+        fine = self._decimals_of_errors()
+        texts = [
+            _texts(values, fine if name in ESTIMATES or name.endswith(" %") else 0)
+            for name, values in self._columns.items()
+        ]
+        return texts, [_is_number(values) for values in self._columns.values()]
+
+    def _decimals_of_errors(self) -> int:
+        """Decimals that show two digits of the smallest standard error; 0 without one."""
+        errors = self._columns.get("se", self._columns.get("bse"))
+        if errors is None or errors.dtype.kind != "f":
+            return 0
+        errors = errors[np.isfinite(errors) & (errors > 0)]
+        return max(1 - math.floor(math.log10(errors.min())), 0) if errors.size else 0
 
     def __repr__(self) -> str:
         texts, flush = self._cells()
@@ -357,9 +371,10 @@ def _latex(text: str) -> str:
     return "".join(LATEX.get(c, c) for c in text)
 
 
-def _texts(values: NDArray[Any]) -> list[str]:
+def _texts(values: NDArray[Any], decimals: int = 0) -> list[str]:
+    """The values as text; numbers in fixed point with so many decimals at least."""
     if values.dtype.kind == "f":
-        return _floats(values)
+        return _floats(values, decimals)
     if values.dtype.kind == "c":
         return [f"{v:.{DIGITS}g}" for v in values]
     if values.dtype.kind == "O" and _is_number(values):
@@ -376,14 +391,14 @@ def _text(value: Any) -> str:
     return str(value)
 
 
-def _floats(values: NDArray[Any]) -> list[str]:
+def _floats(values: NDArray[Any], least: int = 0) -> list[str]:
     """Fixed point with common decimals where the column's range allows it, else the short form."""
     sizes = np.abs(values[np.isfinite(values) & (values != 0)])
     if sizes.size == 0 or (np.all(sizes == np.round(sizes)) and sizes.max() < 1e9):
         return [f"{v:.0f}" for v in values]
     low, high = math.floor(math.log10(sizes.min())), math.floor(math.log10(sizes.max()))
     if low >= -4 and high <= 5 and high - low <= 3:
-        decimals = max(DIGITS - 1 - high, 2 - low, 0)
+        decimals = max(DIGITS - 1 - high, 2 - low, least if high + least < MOST else 0, 0)
         trimmed = max((len(f"{v:.{decimals}f}".rstrip("0").partition(".")[2]) for v in sizes), default=0)
         return [f"{v:.{min(decimals, trimmed)}f}" for v in values]
     return [f"{v:.{DIGITS}g}" for v in values]

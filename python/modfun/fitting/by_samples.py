@@ -23,7 +23,8 @@ from ..results.diagnosis import fewest_samples, growth
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
 from ..results.fitted_samples import measured_lines
-from ..results.initial_state import slopes
+from ..results.initial_state import simulate_equations, slopes
+from ..results.prediction import InitialState
 from ..results.sparse import sparse
 from ..results.unknown_past import from_known_inputs, lead
 
@@ -213,6 +214,7 @@ class _Descent:
         self.levels: list[F64] = list(fit.noise_levels)
         self.logs = fit.options.noise == LOGS
         self.near: list[F64] = [rec.y for rec in self.records]
+        self.starts: list[InitialState | None] = [None] * len(self.records)
         self.begins = fit.options.initial_state not in ("unknown", "periodic")  # as it was told
 
     def ended(self) -> Any:
@@ -271,13 +273,22 @@ class _Descent:
         """Residuals of each record, and how many samples beyond the unknowns of each they have."""
         fit = replace(self.fit, params=params)
         found, count = [], 0
-        for rec, own, near in zip(self.records, self.own, self.near, strict=True):
-            simulated, initial = fit.simulate(self._beside(rec, near))
+        for k, (rec, own) in enumerate(zip(self.records, self.own, strict=True)):
+            simulated, initial = self._simulated(fit, k)
             left = np.log(rec.y / np.where(own > 0, simulated, rec.y)) if self.logs else rec.y - simulated
             found.append(left * own)
             unknown = (0 if self.begins else initial.state.size) + np.size(initial.trend)
             count += int(np.count_nonzero(own)) - unknown
         return found, count
+
+    def _simulated(self, fit: Any, k: int) -> tuple[F64, InitialState]:
+        """The response of a fit beside the last one to the k-th record."""
+        rec = self._beside(self.records[k], self.near[k])
+        if self.begins or fit.layout.rational or fit.structure.linear:
+            return fit.simulate(rec)  # type: ignore[no-any-return]
+        found = simulate_equations(fit, rec, None, self.starts[k])
+        self.starts[k] = found[1]
+        return found
 
     def _beside(self, rec: Any, near: F64) -> Any:
         """The record whose least squares are those of the noise."""
@@ -290,8 +301,8 @@ class _Descent:
         """Of each record, positive as its samples."""
         fit = replace(self.fit, params=params)
         found = [
-            np.where(own > 0, fit.simulate(self._beside(rec, near))[0], rec.y)
-            for rec, near, own in zip(self.records, self.near, self.own, strict=True)
+            np.where(own > 0, self._simulated(fit, k)[0], rec.y)
+            for k, (rec, own) in enumerate(zip(self.records, self.own, strict=True))
         ]
         if not all([np.all(y > 0) for y in found]):
             raise DataError("log-normal noise: a response is not positive")
@@ -316,9 +327,9 @@ class _Descent:
     def _of_integrations(self, fit: Any) -> F64:
         """The same with unknown initial states and trends beside the parameters: to find them takes long."""
         found = []
-        for rec, counts, level, near in zip(self.records, self.own, self.levels, self.near, strict=True):
-            weights = counts / level[:, None] / (near if self.logs else 1.0)
-            start = fit.simulate(self._beside(rec, near))[1]
+        for k, (rec, counts, level) in enumerate(zip(self.records, self.own, self.levels, strict=True)):
+            weights = counts / level[:, None] / (self.near[k] if self.logs else 1.0)
+            start = self._simulated(fit, k)[1]
             each = (slopes(fit, rec, start) * weights).reshape(-1, weights.size)
             known = start.state.size if self.begins else 0
             own, beside = each[self.moving], each[fit.params.size + known :]

@@ -6,12 +6,15 @@ from collections.abc import Iterable
 from math import nan, sqrt
 from typing import Any
 
+import numpy as np
+
+from ..records.record import Record
 from ..results.diagnosis import high_band_df
 from ..results.doubts import noise_free
 from ..results.fit import Fit
 from ..results.uneven_noise import UNEVEN, in_words, uneven
 
-__all__ = ["change_of_noise", "contradicts", "levels", "widest"]
+__all__ = ["change_of_noise", "contradicts", "levels", "same_samples", "widest"]
 
 DOUBT = 1e-3  # two levels that white noise makes differ so much once in 1/DOUBT records are not of one noise
 
@@ -80,3 +83,13 @@ def change_of_noise(fits: Iterable[Fit]) -> tuple[str, ...]:
             "rec.weigh(sigma=level) over one band.",
         )
     return ()
+
+
+def same_samples(one: Record, other: Record) -> bool:
+    """Whether two records hold the same samples: fits read some inputs otherwise than they were given."""
+    if one is other:
+        return True
+    channels = (one.outputs, one.inputs) == (other.outputs, other.inputs)
+    return channels and all(
+        [np.array_equal(getattr(one, own), getattr(other, own)) for own in ("t", "y", "u")]
+    )

@@ -25,6 +25,7 @@ from ..results.scores import UNITS, of_response
 from ..systems.lti import LTI
 from ..systems.making import linear
 from . import drawing
+from .common import same_samples
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 
@@ -368,7 +369,7 @@ def compare(models: Mapping[str, Fit | LTI] | Sequence[Fit | LTI], rec: Record |
     if rec is None:
         own = [fit.records for fit in _fitted(fits).values()]
         rec = own[0][0] if own and own[0] is not None else None
-        if rec is None or any(r is None or len(r) != 1 or r[0] is not rec for r in own):
+        if rec is None or any(r is None or len(r) != 1 or not same_samples(r[0], rec) for r in own):
             raise DataError("compare: the fits do not share one record of their own; give compare(fits, rec)")
     if not isinstance(rec, Record):
         raise SpecError(f"compare: rec is {type(rec).__name__!r}; give a Record")

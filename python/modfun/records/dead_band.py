@@ -151,9 +151,10 @@ def dropouts(values: F64, good: NDArray[np.bool_]) -> tuple[NDArray[np.intp], ND
         return None
     ends = starts + lengths - 1
     into, out = np.abs(values[starts] - values[starts - 1]), np.abs(values[ends + 1] - values[ends])
-    change = np.abs(np.diff(values))
+    change = np.abs(np.diff(values))[good[1:] & good[:-1]]
     moved = change[change > 0]
-    part = float(np.diff(np.unique(values)).min()) / float(np.median(moved))
+    # Of what was measured: values in the place of masked samples know no rounding.
+    part = float(np.diff(np.unique(values[good])).min()) / float(np.median(moved))
     zeros = values[starts] == 0
     rare = (values.size * part ** (lengths - 1.0) < CHANCE) & (not rests) & (not missing_small(moved))
     rare &= zeros | ~_again(values[starts], ~zeros)

@@ -393,8 +393,12 @@ def _looked(look: Callable[[Estimates], Doubt | None], fit: Estimates, whole: Es
     try:
         return look(fit if look is stored_late else whole)
     except FAILURES as error:
-        text = f"{type(error).__name__}: {error}"
-        return Doubt(f"A part of this check, {look.__name__}, failed ({text}): please report it.", sure=False)
+        return _failure(look.__name__, error)
+
+
+def _failure(part: str, error: Exception) -> Doubt:
+    text = f"{type(error).__name__}: {error}"
+    return Doubt(f"A part of this check, {part}, failed ({text}): please report it.", sure=False)
 
 
 def doubts_in_line(fit: Any) -> int | None:
@@ -433,64 +437,48 @@ def check(fit: Estimates, line: str) -> Findings:
         found += [doubt for look, doubt in said.items() if look is not flips]
         note = noise_free(whole)
         first = (
-            coded,
-            in_degrees,
-            stored_late,
-            slow_input,
-            unlike_records,
-            one_record,
-            unseen_event,
-            saturated,
-            off_centre,
-            in_other_units,
-            contradicted_numbers,
-            missing_input,
-            unused_output,
-            unrecorded_input,
-            acts_by_lag,
-            late_channel,
-            bent,
-            swapped,
-            misweighted,
-            unlike_command,
-            fed_back,
-            noisy_input,
-            driven_loop,
-            eliminated,
-            not_linear,
-            missing_states,
-        )
+            coded, in_degrees, stored_late, slow_input, unlike_records, one_record, unseen_event,
+            saturated, off_centre, in_other_units, contradicted_numbers, missing_input, unused_output,
+            unrecorded_input, acts_by_lag, late_channel, bent, swapped, misweighted, unlike_command,
+            fed_back, noisy_input, driven_loop, eliminated, not_linear, missing_states,
+        )  # fmt: skip
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []
         # Residuals of another model than the record has say no more.
         time = ""
         if in_samples(whole):
-            found += [serial(whole)]
+            found += [_looked(serial, whole, whole)]
         elif note is None and not any(doubt and doubt.sure for doubt in told):
-            d = diagnose(whole)
-            time = "" if said[late_channel] else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
-            slow = _slow(whole)
-            slow = slow if slow and _left(whole) is slow else None  # else nothing is looked for twice
-            residual = [slow] if slow else of_residuals(whole, d)
-            sure = any(doubt and doubt.sure for doubt in residual)
-            found += [clipped(whole)] if sure else []
-            named = any(doubt and 'trend="linear"' in doubt.text for doubt in residual)
-            found += [of_tone(whole), *residual]
-            found += [] if slow else [None if named else of_drift(whole), of_colour(whole, d)]
-            found += [(None if sure else multiplied(whole)) or of_time(whole)]
+            try:
+                left, time = _of_lines(whole, said)
+            except FAILURES as error:
+                left = [_failure("of_residuals", error)]
+            found += left
+        # After what residuals tell beyond doubt, which noise in signs does not explain.
+        found += [said[flips], None if said[wandering] else _looked(undeclared, whole, whole)]
+        found += [_looked(look, whole, whole) for look in (loud_noise, computed_channel)]
         found += [
-            said[flips],  # after what residuals tell beyond doubt, which noise in signs does not explain
-            None if said[wandering] else undeclared(whole),
-            loud_noise(whole),
-            biased(fit),
-            lopsided(fit),
-            minima(fit),
-            computed_channel(whole),
-            few_samples(fit),
-            in_hertz(fit),
-            beyond(fit),
+            _looked(look, fit, fit) for look in (biased, lopsided, minima, few_samples, in_hertz, beyond)
         ]
         found += of_records(fit, [doubt.text for doubt in found if doubt])
+        try:
+            note = of_stability(fit) or gain_of_start(fit, warnings_of) or note
+        except FAILURES as error:
+            found.append(_failure("gain_of_start", error))
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
-    note = of_stability(fit) or gain_of_start(fit, warnings_of) or note or ""
-    return Findings(title, [doubt.text for doubt in doubts], note=f"{note} {time}".strip())
+    return Findings(title, [doubt.text for doubt in doubts], note=f"{note or ''} {time}".strip())
+
+
+def _of_lines(whole: Estimates, said: Any) -> tuple[list[Doubt | None], str]:
+    """What residual lines say, and beside it a note about the time of the inputs; `said` by other looks."""
+    d = diagnose(whole)
+    time = "" if said[late_channel] else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
+    slow = _slow(whole)
+    slow = slow if slow and _left(whole) is slow else None  # else nothing is looked for twice
+    residual = [slow] if slow else of_residuals(whole, d)
+    sure = any(doubt and doubt.sure for doubt in residual)
+    found = [clipped(whole)] if sure else []
+    named = any(doubt and 'trend="linear"' in doubt.text for doubt in residual)
+    found += [of_tone(whole), *residual]
+    found += [] if slow else [None if named else of_drift(whole), of_colour(whole, d)]
+    return [*found, (None if sure else multiplied(whole)) or of_time(whole)], time

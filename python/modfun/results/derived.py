@@ -37,14 +37,15 @@ def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[st
     """Table of functions of the parameters; see `Fit.derived`."""
     if not expressions:
         raise SpecError('derived: give name=expression, as fit.derived(wn="sqrt(a2)")')
-    values, errors = [], []
+    values, errors, degrees = [], [], []
     for name, given in expressions.items():
         function = as_function(name, given, fit.param_names)
         value, gradient = _gradient(name, function, fit)
         values.append(value)
+        degrees.append(fit.fewest_degrees(gradient != 0))
         bound = any(gradient[fit.param_names.index(own)] != 0 for own in fit.at_bound)  # its error is unknown
         errors.append(np.nan if bound else float(root(gradient @ fit.cov_params() @ gradient)))
-    low, high = fit.interval(np.array(values), np.array(errors))
+    low, high = fit.interval(np.array(values), np.array(errors), degrees=np.array(degrees))
     return Table({"name": list(expressions), "value": values, "bse": errors, "low": low, "high": high})
 
 

@@ -232,14 +232,13 @@ class Estimates(Elsewhere):
         level = confidence("interval", level)
         if (least := np.fmin.reduce(np.ravel(errors), initial=0.0)) < 0:
             raise SpecError(f"interval: standard errors are not negative, these go down to {least:.4g}")
-        return student_interval(values, errors, self._fewest_degrees if degrees is None else degrees, level)
+        return student_interval(values, errors, self.fewest_degrees() if degrees is None else degrees, level)
 
-    @property
-    def _fewest_degrees(self) -> float:
+    def fewest_degrees(self, which: Any = slice(None)) -> float:
         """Degrees of freedom of what several parameters determine: the fewest that one of them has."""
-        if self.cov_type != "spectral":
-            return self.df_resid
-        return float(np.min(self.df_spectral[np.isfinite(self.df_spectral)], initial=self.df_resid))
+        own = np.broadcast_to(self.degrees, self.params.shape)[which]
+        own = own[np.isfinite(own)]
+        return float(own.min()) if own.size else float(self.df_resid)
 
     def estimates(self) -> dict[str, float]:
         """Estimates by name."""

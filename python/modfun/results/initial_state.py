@@ -45,7 +45,10 @@ NEARLY, TOL = 1e-4, 1e-10  # what a step has to promise, on the way and at the e
 
 
 def simulate_equations(
-    fit: Estimates, rec: Record, initial_state: str | ArrayLike | InitialState | None
+    fit: Estimates,
+    rec: Record,
+    initial_state: str | ArrayLike | InitialState | None,
+    near: InitialState | None = None,
 ) -> tuple[F64, InitialState]:
     """Outputs of fitted equations for a record; as `prediction.simulate_paths`.
 
@@ -56,6 +59,8 @@ def simulate_equations(
     rec : Record
     initial_state : None, "zero" or array
         None: estimated by least squares, states that are not measured included.
+    near : InitialState, optional
+        Where a search of nonlinear equations begins: that of parameters near by.
 
     Returns
     -------
@@ -75,7 +80,7 @@ def simulate_equations(
     names = structure.states if structure.linear else model.states
     state = None if initial_state is None else given_state(initial_state, names)
     if not structure.linear:
-        return find_state(model, rec, fit.trend, state)
+        return find_state(model, rec, fit.trend, state, near)
     place = [model.states.index(name) for name in structure.states]  # the user's order
     back = np.argsort(place)
     simulated, found = find_state(model, rec, fit.trend, None if state is None else state[back])
@@ -190,7 +195,11 @@ def _columns(system: LTI, rec: Record, terms: int, algebraic: Sequence[int], fre
 
 @np.errstate(over="ignore", invalid="ignore")  # what leaves the range of numbers has words of its own
 def find_state(
-    model: NonlinearModel, rec: Record, trend: str | None = None, state: F64 | None = None
+    model: NonlinearModel,
+    rec: Record,
+    trend: str | None = None,
+    state: F64 | None = None,
+    near: InitialState | None = None,
 ) -> tuple[F64, InitialState]:
     """The initial state, and the trend of each equation, with which a model follows a record best.
 
@@ -205,6 +214,8 @@ def find_state(
         What is unknown in each equation.
     state : (states,) array, optional
         The initial state, where it is known.
+    near : InitialState, optional
+        Where the search begins, over all samples; elsewhere where there is no response from there.
 
     Returns
     -------
@@ -218,10 +229,15 @@ def find_state(
     counted = np.cumsum(np.any(search.own > 0, axis=0))
     least = [max(int(h * counted[-1]), min(int(counted[-1]), 8 + 8 * search.sizes.size)) for h in HORIZONS]
     lengths = [*(np.searchsorted(counted, least[:-1]) + 1).tolist(), count]
-    tried = []
+    tried, rounds = [], ROUNDS
     if model.compiled.is_linear:  # outputs are straight in all unknowns: one start, over all samples
         search.step, rounds = 1.0, STRAIGHT
-        tried = [search.refine(next(search.starts(lengths[0])), count, rounds, NEARLY)]
+    if near is not None or model.compiled.is_linear:
+        if near is None:
+            start = next(search.starts(lengths[0]))
+        else:
+            start = np.append(near.state[: search.found], near.trend)
+        tried = [search.refine(start, count, rounds, NEARLY)]
     if tried and np.isfinite(tried[0][1]):
         lengths = [count]
     else:

@@ -38,6 +38,20 @@ def drifting(fit: Estimates) -> tuple[Estimates, float] | None:
     return (other, fall) if other is not None and other.success else None
 
 
+def _beside(fit: Any, k: int, step: float) -> Any:
+    """The fit with a parameter moved by at most a step, and not to where a mode grows.
+
+    Errors of superfluous poles are as large as these.
+    """
+    while True:
+        params = fit.params.copy()
+        params[k] += step
+        moved = replace(fit, params=params)
+        if not growth(moved) > 0:
+            return moved
+        step /= 4
+
+
 def _fall(fit: Any, rec: Record) -> float:
     """By how much a drift of an output lowers BIC of its samples, beside all that the parameters can do.
 
@@ -50,9 +64,8 @@ def _fall(fit: Any, rec: Record) -> float:
     slopes = []
     for k, step in enumerate(PART * Estimates.cov_params(fit).diagonal() ** 0.5):
         if step > 0:
-            params = fit.params.copy()
-            params[k] += step
-            slopes.append((replace(fit, params=params).simulate(rec)[0] - here) / step)
+            beside = _beside(fit, k, step)
+            slopes.append((beside.simulate(rec)[0] - here) / (beside.params[k] - fit.params[k]))
     ramp = (rec.t - rec.t[0]) / rec.duration
     falls = [0.0]
     for i, weight in enumerate(weights):

@@ -30,7 +30,7 @@ def ran_away(fit: Estimates) -> bool:
 
     Noise beside uneven neighbours says nothing of a search: sums over few such samples leave many times it.
     """
-    return level_ratio(fit) > AWAY and not beside_samples(fit)
+    return not beside_samples(fit) and level_ratio(fit) > AWAY
 
 
 def starts_beside(fit: Estimates, structure: Any) -> dict[str, Any]:

@@ -28,7 +28,9 @@ def in_matrices(matrices: Sequence[F64], delays: Sequence[Any]) -> str:
     a, b, c, d = (_matrix([[_number(v) for v in row] for row in m]) for m in matrices)
     late = "" if not np.any(delays) else rf",\quad \tau = {_matrix([[_number(v) for v in np.ravel(delays)]])}"
     u = "u" if not late else r"u(t - \tau)"
-    return rf"$$\dot x = {a} x + {b} {u},\quad y = {c} x + {d} {u}{late}$$"
+    driven = matrices[1].size > 0  # a free motion has no inputs
+    of_states, of_outputs = (f" + {b} {u}", f" + {d} {u}") if driven else ("", "")
+    return rf"$$\dot x = {a} x{of_states},\quad y = {c} x{of_outputs}{late}$$"
 
 
 def _fraction(n: F64, d: F64, late: float) -> str:

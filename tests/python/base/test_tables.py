@@ -143,3 +143,20 @@ def test_tables_are_written_to_files(tmp_path):
         table.to_dict("a.csv")
     with pytest.raises(SpecError, match=r"Table.to_csv: the file is 3; give its name"):
         table.to_csv(3)
+
+
+def test_errors_keep_two_digits_beside_a_large_number():
+    """A damping has a small error beside a stiffness: 1.20 [1.20, 1.20] told nothing of it."""
+    table = Table(
+        {
+            "value": [1.19986, 400.0392],
+            "se": [0.002123, 0.0414],
+            "2.5 %": [1.1955, 399.954],
+            "low": [0.5, 400],
+        }
+    )
+    assert [line.split() for line in str(table).splitlines()[1:]] == [
+        ["1.1999", "0.002123", "1.1955", "0.5"],
+        ["400.0392", "0.041400", "399.9540", "400.0"],
+    ]
+    assert "400.04" in str(Table({"value": [1.19986, 400.0392], "other": [1.0, 2.0]}))

@@ -27,6 +27,14 @@ def _lines(text):
             [r"\dot{v} &= I + v - w - \frac{v^{3}}{3} \\", r"\dot{w} &= b \left(v - c w\right)"],
         ),
         ("y' + k_1*y(t - h) = u", {}, [r"\dot{y} + k_{1} y\left(t - h\right) &= u"]),
+        (
+            ["hare' = r*hare - b1*hare*lynx", "lynx' = -de*lynx"],
+            {"outputs": ["hare", "lynx"]},
+            [
+                r"\dot{\mathrm{hare}} &= r \mathrm{hare} - b_{1} \mathrm{hare} \mathrm{lynx} \\",
+                r"\dot{\mathrm{lynx}} &= - \mathrm{de} \mathrm{lynx}",
+            ],
+        ),
         ("y' + c(t)*y = u", {"varying": {"c": ["1", "t"]}}, [r"\dot{y} + y c{\left(t \right)} &= u"]),
     ],
 )

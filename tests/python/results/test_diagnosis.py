@@ -6,6 +6,7 @@ import modfun as mf
 import numpy as np
 import pytest
 from modfun._core import noise_level
+from modfun.results import diagnosis
 from modfun.results.diagnosis import diagnose, high_band_df, level_p
 from modfun.results.line_tests import correlation_of_lines
 from scipy.special import chdtrc, fdtrc
@@ -146,3 +147,18 @@ def test_an_estimate_on_a_bound_is_checked():
                 assert np.isnan(twice["bse"])
                 assert root["bse"] > 0
     assert ended >= 1
+
+
+@pytest.mark.parametrize(("outputs", "each", "df"), [(3, [7.5, 7.5, 7.5], 160), (1, [9.8, 20.0], 30)])
+def test_level_of_several_short_records_has_its_own_law(outputs, each, df):
+    """Of 100,000 means of ratios 1 % and 10 % are beyond these p-values, within a third of that."""
+    rng = np.random.default_rng(0)
+    part = df / (outputs * len(each))
+    ratios = [
+        (rng.chisquare(part, (100_000, outputs)) / part) / (rng.chisquare(nu, (100_000, outputs)) / nu)
+        for nu in each
+    ]
+    means = np.sort(np.mean(np.concatenate(ratios, axis=1), axis=1))
+    for p in (0.01, 0.1, 0.5):
+        beyond = float(means[round((1 - p) * means.size)])
+        assert diagnosis._above(beyond, df, outputs, each) == pytest.approx(p, rel=0.34)

@@ -63,3 +63,15 @@ def test_a_search_that_does_not_end_names_the_start_at_rest() -> None:
         assert other.success
         assert abs(other["b0"] / other["a1"] - 2.0) < 0.1
     assert named >= 4
+
+
+def test_steps_of_differences_make_no_mode_grow() -> None:
+    """The error of a superfluous pole is as large as itself: the response of one step beyond overflowed."""
+    rng = np.random.default_rng(5)
+    u = np.repeat(rng.choice([-1.0, 1.0], 51), 20)[:1000]
+    y = mf.tf([2, 6], [1, 2, 26]).simulate(u=u, dt=0.01, intersample="zoh")
+    record = mf.Record(y=y + 0.01 * y.std() * rng.standard_normal(1000), u=u, dt=0.01)
+    fit, _ = warned(record, mf.TransferFunction(poles=3, zeros=2))
+    assert fit.success
+    assert not any("failed" in text for text in fit.check())
+    assert repr(fit).startswith("Fit(u -> y, ml, ok")

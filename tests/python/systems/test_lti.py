@@ -390,3 +390,10 @@ def test_c2d_takes_a_fit():
     rec = mf.simulate(mf.tf([5], [1, 3, 8]), input="sin(t**2/5)", duration=10.0, intervals=256)
     fit = mf.fit(rec, mf.TransferFunction(poles=2, zeros=0))
     np.testing.assert_array_equal(mf.c2d(fit, 0.1).den, mf.c2d(fit.model, 0.1).den)
+
+
+def test_a_free_motion_is_written_without_inputs():
+    free = mf.fit(mf.Record(y=np.cos(3 * 0.05 * np.arange(200)), dt=0.05), mf.TransferFunction(poles=2)).model
+    text = free._repr_latex_()
+    assert "u" not in text.replace("quad", "")
+    assert r"\begin{bmatrix}  \end{bmatrix}" not in text

@@ -16,6 +16,7 @@ from .meaning import meaning, parameter
 __all__ = ["aligned", "latex_of", "rounded", "written"]
 
 EQUALS = re.compile(r"(?<![<>])=")
+WORD = re.compile(r"^([A-Za-z]{2,})(?=$|_)")
 # A number less than zero in parentheses: at the head of a term its sign is that of the term.
 NEGATIVE = r"\\left\(-([^()]*)\\right\)(?!\^)"
 SIGNS = (
@@ -90,14 +91,19 @@ def rounded(value: float, error: float) -> str:
 def _name(symbol: sympy.Symbol, numbers: Mapping[str, str]) -> str:
     number = numbers.get(symbol.name)
     if number is None:
-        return str(sympy.latex(parameter(symbol.name)))
+        return _upright(str(sympy.latex(parameter(symbol.name))))
     return rf"\left({number}\right)" if number.startswith("-") or r"\cdot" in number else number
+
+
+def _upright(name: str) -> str:
+    """A name of several letters as one word: in italics it would read as a product."""
+    return WORD.sub(r"\\mathrm{\1}", name)
 
 
 def _dotted(symbol: sympy.Symbol, moving: Moving, numbers: Mapping[str, str]) -> str:
     count, own = order(symbol), base(symbol)
     name, late = moving.delays.get(own, (own, None))
-    said = str(sympy.latex(jet(name)))
+    said = _upright(str(sympy.latex(jet(name))))
     if count > 3:
         said = f"{said}^{{({count})}}"
     elif count:
