@@ -1,4 +1,4 @@
-"""Inputs that were measured with noise, which the residuals of the outputs show through the model."""
+"""Inputs that were measured with noise, which residuals of the outputs or their own high bands show."""
 
 from __future__ import annotations
 
@@ -29,25 +29,35 @@ ABOVE = 4.0  # power of an input on the lines of the fit over that of its noise
 HANN = 1.5  # lines that one of this window's stands for
 AROUND = np.full(9, 1 / 9)  # lines over which power is averaged
 PART = 0.1  # of what inputs add, from which one is named
+MATTERS = 0.05  # of the power of an output's noise, that of an input's on some line: less is not looked at
+SAID, WARNED = 1.1, 1.3  # times larger standard errors with noise of inputs: what is said, and warned of
+ROUNDED = 0.5  # last digits, of noise that rounding made or left
+TOP = 1 / 4  # of all lines: where the high band begins that shows whether it holds noise
+LIKELIER = 3.0  # log likelihood of white noise there over that of a motion: of such ones 3 in 100 are above
+STEEP = (2, 4)  # powers of 1/sin^2: what beside them is left of the smooth part of a motion
+PARTS = np.concatenate([[0.0], np.geomspace(1e-4, 0.9999, 60)])  # of the latter
 
 
 @kept
 def noisy_input(fit: Estimates) -> Doubt | None:
-    """That noise of an input, seen at high frequency and carried through the model, is what is left.
+    """That noise of an input, seen at high frequency, is what is left, or standard errors lack it.
 
     Nothing is estimated for that: the levels are those of other lines, and the model is that of the fit. An
     input that moves the system at high frequency looks noisy, too, but leaves far less than its noise would.
+    An integral of noise is strongest on a few lines, where estimates follow it and residuals show little.
     """
-    if not (level_p(fit) < PLAUSIBLE or suspicious(fit)) or not _testable(fit):
+    if not _testable(fit):
         return None
     levels = root(np.mean([[white_level(u) ** 2 for u in rec.u] for rec in fit.records or ()], axis=0))
     if not np.any(levels > 0):
         return None
-    gain, added = _evidence(fit, levels)
+    gain, added, most = _evidence(fit, levels)
     noisy = added > PART * added.sum()
-    if not gain > WORTH or not _stands_out(fit, levels[noisy], noisy):
+    left = gain > WORTH and (level_p(fit) < PLAUSIBLE or suspicious(fit))
+    if not (left or most > MATTERS) or not _stands_out(fit, levels[noisy], noisy):
         return None
-    if any(_known(fit, j) for j in np.flatnonzero(noisy).tolist()):
+    channels = np.flatnonzero(noisy).tolist()
+    if any(_known(fit, j) or not (left or _white(fit, j, float(levels[j]))) for j in channels):
         return None
     steps = any(np.any(noisy & (np.array(rec.intersample) != "smooth")) for rec in fit.records or ())
     if not _stays_out(fit, levels) > (0.0 if steps else -WORTH):
@@ -57,11 +67,35 @@ def noisy_input(fit: Estimates) -> Doubt | None:
     if other is None or not other.success or not (level_p(other) > ENOUGH and other.noise_scale > LEAST):
         return None
     names = [name for name, own in zip(fit.inputs, noisy, strict=True) if own]
+    seen = f"Noise on {listed(names)}, {numbers(levels[noisy])} in the samples"
+    if not left:
+        return _too_small(fit, other, seen)
     name, was, now, _ = furthest(fit, other)
     return Doubt(
-        f"Noise on {listed(names)}, {numbers(levels[noisy])} in the samples, explains the residuals: carried "
+        f"{seen}, explains the residuals: carried "
         f"through the model, it raises 2 log likelihood by {gain:.3g} without any new parameter. First try "
         f'noise="errors-in-variables", which leaves only noise: {name} is {now} instead of {was}.'
+    )
+
+
+def _too_small(fit: Estimates, other: Estimates, seen: str) -> Doubt | None:
+    """That standard errors are larger in a fit that counts noise of inputs; both by levels alone.
+
+    Those by the spectrum of residuals scatter, but where they are larger they may have allowed for it.
+    """
+    rows = [other.param_names.index(name) for name in fit.param_names]
+    larger = root(np.diag(other.cov_nonrobust)[rows])
+    stated = np.maximum(fit.spread, root(np.diag(fit.cov_nonrobust)))
+    factor = np.where(stated > 0, larger / np.where(stated > 0, stated, 1.0), 0.0)
+    at = int(np.argmax(factor))
+    if not factor[at] > SAID:
+        return None
+    name = fit.param_names[at]
+    return Doubt(
+        f"{seen}, reaches the outputs through the model, and standard errors do not allow for it: that of "
+        f"{name} is about {factor[at]:.2g} times too small. First try "
+        f'noise="errors-in-variables", with which {name} is {other[name]:.4g} instead of {fit[name]:.4g}.',
+        sure=bool(factor[at] > WARNED),
     )
 
 
@@ -87,12 +121,45 @@ def _known(fit: Estimates, channel: int) -> bool:
     return bool(held) and all([levels_in_noise(u) is None for u in held])
 
 
-def _evidence(fit: Estimates, levels: F64) -> tuple[float, F64]:
+def _white(fit: Estimates, channel: int, level: float) -> bool:
+    """Whether the high band of an input is white noise rather than a motion, and more than rounding makes.
+
+    The power of a motion that jumps falls by the square of frequency, as that of a random walk or of
+    turbulence, 1/sin^2 in samples; of smoother ones it falls faster, and white noise ends that.
+    """
+    score = 0.0
+    for k, rec in enumerate(fit.records or ()):
+        u = rec.u[channel, rec.intervals - fit.intervals[k] :]
+        size = np.abs(np.diff(u))
+        if level < ROUNDED * float(np.min(size[size > 0], initial=inf)):
+            return False
+        held = levels_in_noise(u)
+        lines = _lines(np.hanning(u.size), (u - (0.0 if held is None else held))[None])[0]
+        first = int(TOP * lines.size)
+        power = np.abs(lines[first:]) ** 2
+        falls = np.sin(np.pi / 2 * np.arange(first + 1, lines.size + 1) / lines.size) ** -2
+        score += _likelihood(power, np.ones_like(falls), falls) - _likelihood(power, falls, falls)
+    return score > LIKELIER * HANN
+
+
+def _likelihood(power: F64, shape: F64, falls: F64) -> float:
+    """Log likelihood of lines (Whittle, 1953) with power of a shape and of the smooth part of a motion."""
+    best = -inf
+    for steep in STEEP:
+        other = falls**steep
+        model = np.outer(1 - PARTS, shape / shape.mean()) + np.outer(PARTS, other / other.mean())
+        each = -np.log(model).sum(axis=1) - power.size * np.log((power / model).mean(axis=1))
+        best = max(best, float(each.max()))
+    return best
+
+
+def _evidence(fit: Estimates, levels: F64) -> tuple[float, F64, float]:
     """By how much noise of inputs raises 2 log likelihood of the residual lines, and what each input adds.
 
-    Beside white noise of each output at the level of the high band.
+    Beside white noise of each output at the level of the high band. And the most that all add to a line.
     """
     seen, gain, added = fit.high_band_levels[:, None] ** 2, 0.0, np.zeros(len(levels))
+    most = 0.0
     for k, (piece, (low, high)) in enumerate(zip(fit.pieces, fit.lines, strict=True)):
         response = _response(fit, k, max(low, 1), high)
         each = np.abs(response) ** 2 * levels[:, None] ** 2 / seen[:, None]
@@ -100,7 +167,8 @@ def _evidence(fit: Estimates, levels: F64) -> tuple[float, F64]:
         ratio = 1 + each.sum(axis=1)
         gain += 2 * float(np.sum(power * (1 - 1 / ratio) - np.log(ratio)))
         added += each.sum(axis=(0, 2))
-    return gain, added
+        most = max(most, float(ratio.max()) - 1)
+    return gain, added, most
 
 
 def _stands_out(fit: Estimates, levels: F64, noisy: NDArray[np.bool_]) -> bool:

@@ -111,6 +111,52 @@ def test_noise_of_a_gyro_that_is_integrated_is_named():
         assert fitted(gyro(seed, 0.0), ATTITUDE)[1] == ""
 
 
+def few_lines(seed: int, noise: float, digit: float = 0.0) -> mf.Record:
+    """The same over 15 s, in degrees, with noise of 0.1 on the attitude: on few lines that of q is larger."""
+    rng, dt, t = np.random.default_rng(seed), 0.02, 0.001 * np.arange(15001)
+    de = 3.0 * (((t > 2) & (t < 3.5)) * 1.0 - ((t >= 3.5) & (t < 4.5)) + ((t >= 4.5) & (t < 5)))
+    a, b = np.array([[-0.9, 1, 0], [-5.2, -1.4, 0], [0, 1, 0]]), np.array([[-0.12], [-7.5], [0]])
+    _, x, _ = lsim((a, b, np.eye(3), np.zeros((3, 1))), de - 3.0 * ((t >= 5) & (t < 5.5)), t)
+    theta, q = x[::20, 2] + 4 + 0.1 * rng.standard_normal(751), x[::20, 1] + 0.2
+    q = np.round(q / digit) * digit if digit else q + noise * rng.standard_normal(751)
+    return mf.Record(y={"theta": theta}, u={"q": q}, dt=dt)
+
+
+def test_standard_errors_that_lack_noise_of_a_gyro_are_warned_of():
+    """In 23 of 30 records c was 3 times surer than it is, in silence; now in 1. Other seeds fail 1 in 65."""
+    said = list[str]()
+    for seed in range(6):
+        rec = few_lines(seed, 0.1)
+        said.append(fitted(rec, ATTITUDE)[1])
+        told, after = fitted(rec, ATTITUDE, noise="errors-in-variables")
+        assert after == ""
+        assert abs(told["c"] + 0.2) < 3.5 * told.bse["c"]
+    assert sum(SAID in text for text in said) >= 5
+    factors = [float(text.split("about ")[1].split()[0]) for text in said if "about" in text]
+    assert len(factors) >= 3
+    assert 1.3 < min(factors) <= max(factors) < 5
+
+
+@pytest.mark.parametrize(("noise", "digit"), [(0.0, 0.0), (0.01, 0.0), (0.0, 0.02), (0.0, 0.2)])
+def test_noise_of_an_input_that_matters_little_is_not_told(noise, digit):
+    """Nor that of rounding, which may be one of a command; in 0 of 20 records each."""
+    for seed in range(3):
+        fit, said = fitted(few_lines(seed, noise, digit), ATTITUDE)
+        assert "errors-in-variables" not in said + str(fit.check())
+
+
+def test_an_input_that_is_a_random_walk_is_not_called_noisy():
+    """Its high band falls by no more than 2 in power; of 80 records of 300 and 1000 samples none was."""
+    model = mf.Equation("h' = a*u + c", outputs=["h"], inputs=["u"])
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        u = np.cumsum(rng.standard_normal(300))
+        h = np.ravel(mf.tf([1], [1, 0]).simulate(u=u, dt=0.05, intersample="foh"))
+        h = h + (0.3, 1.0)[seed % 2] * rng.standard_normal(300)
+        fit, said = fitted(mf.Record(y={"h": h}, u={"u": u}, dt=0.05, intersample="smooth"), model)
+        assert "errors-in-variables" not in said + str(fit.check())
+
+
 @pytest.mark.parametrize("delay", [0.0, 0.3])
 @pytest.mark.parametrize("kind", ["dither", "white", "chirp"])
 def test_inputs_that_move_the_system_at_high_frequency_are_not_called_noisy(kind, delay):
