@@ -362,7 +362,7 @@ def fit_many(
     alone = past or fits_alone(read, structure, checked) or _bends(read, structure, checked)
     alone = alone or _signs_open(read, structure, checked) or _short(read, structure, checked)
     if not alone and (read.sigma is None if isinstance(read, Batch) else _alike(read)):
-        return fit_batch(read, structure, checked, fit_quietly, count, progress, notes)
+        return fit_batch(read, structure, checked, fit_ended, count, progress, notes)
     return fit_each(read, structure, checked, fit_ended, progress, notes)
 
 

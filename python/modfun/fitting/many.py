@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.progress import Progress
 from ..base.words import STATUS
+from ..equations.layout import EquationLayout
 from ..errors import DataError, FitError, ModfunError
 from ..models.options import Options
 from ..models.process import refuse_unknown, with_inputs
@@ -18,18 +21,22 @@ from ..records.batches import Batch
 from ..records.corners import driving
 from ..records.record import Record
 from ..results.cures import on_band
+from ..results.diagnosis import level_ratio
 from ..results.fit import Fit
 from ..results.many import FitMany
+from ..results.refits import AWAY
 from .changes import Alone, Changes, may_change
 from .few_lines import many_at_least_white
 from .of_equations import PreparedEquation, batch_of, prepare_equation
 from .prepared import Prepared, prepare, refuse_cut_off, refuse_standing
-from .signs import starts_choose
+from .restarts import compared
+from .signs import starts_choose, untold
 from .wider import ENOUGH, LOOKED, NEARLY
 
 __all__ = ["fit_batch", "fit_each"]
 
 NONFINITE = STATUS.index("nonfinite")
+TOLD = 3.0  # standard errors from 0, at which a record tells a parameter's sign
 TRIED = 3  # records, of which the first that settles gives the starts of all
 SHOWN = ("fitting", "records")  # of their progress
 
@@ -61,6 +68,8 @@ def fit_batch(
 
     starts: list[float] | None = None
     near = False  # whether searches stay beside their start
+    rates: set[int] = set()  # parameters beside signals in denominators
+    first: Any = None
     made: Prepared | PreparedEquation
     if isinstance(structure, TransferFunction):
         made = prepare(structure, options, sample)
@@ -75,7 +84,10 @@ def fit_batch(
     else:
         made = prepare_equation(structure, options, sample)
         y, u = batch_of(made, data)
-        if not made.layout.formulas.words["linear"] and (first := _first(data, single)):
+        linear, rates = made.layout.formulas.words["linear"], compared(made.layout.compiled)
+        rates = set() if options.drives else rates
+        first = _first(data, single) if rates or not linear else None
+        if first is not None and not linear:
             starts, near = [float(value) for value in first.params], starts_choose(first)
             made = prepare_equation(structure, options, sample, starts=starts, near=near)
     with Progress(progress, *SHOWN) as bar:
@@ -95,7 +107,37 @@ def fit_batch(
     look = None
     if may_change(made.layout, options, made.intervals[0]):
         look = Changes(alone, made.layout, made.intervals[0], progress)
-    return FitMany.of_core(found, made.layout, structure, options, alone, look, notes)
+    many = FitMany.of_core(found, made.layout, structure, options, alone, look, notes)
+    if not (rates and isinstance(made, PreparedEquation)):
+        return many
+    fits: dict[int, Fit] = {}
+    astray = np.flatnonzero(_astray(many, made.layout, rates, first)).tolist()
+    with Progress(progress, "fitting those alone that may have gone astray", "records") as bar:
+        for done, k in enumerate(astray):
+            bar(done, len(astray))
+            with suppress(ModfunError):  # what a single fit refuses
+                fits[k] = alone(k)
+    return many.with_fits(fits)
+
+
+def _astray(many: FitMany, layout: EquationLayout, rates: set[int], first: Any) -> NDArray[np.bool_]:
+    """Records of rate laws whose search may have ended at a false minimum, which single fits leave.
+
+    Multiplied out, -V*s/(K + s) is K*s' + s*s' + V*s = 0: the noise of s' takes unweighted rows, at whose
+    least squares a search begins, to a K below 0, and the pole inside the record holds it there. It ended so
+    for 11 of 20 records at 5 % of noise. `rates`: what is beside signals in denominators; `first`: the fit of
+    a record alone.
+    """
+    free, params = untold(layout.formulas.words), many.params
+    beside = np.isin(np.arange(free.size), list(rates))
+    if first is None:
+        return np.asarray(~many.success | np.any((params < 0) & free & beside, axis=1))
+    told = np.abs(first.params) > TOLD * first.spread
+    odd = ~many.success | np.any((params < 0) & free & beside & ~told, axis=1)
+    odd |= np.any((params * first.params < 0) & (beside | told), axis=1)
+    if many.options.noise == "output" and layout.formulas.needs_levels:  # in which costs are counted
+        odd |= many.cost > (AWAY * max(1.0, level_ratio(first))) ** 2 * many.df_resid
+    return np.asarray(odd)
 
 
 def _first(data: Batch | tuple[Record, ...], single: Callable[[int], Fit | None]) -> Any:

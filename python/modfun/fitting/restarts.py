@@ -35,7 +35,7 @@ def restarted(
     level that runs away takes the parameters along, and levels that the high band shows do not.
     """
     words = layout.formulas.words
-    if words["linear"]:
+    if words["linear"] and not compared(layout.compiled):
         return None  # linear ones begin at their minimum
     own = words["bounds"]
     inside = {k for _, k, _ in words["signal_slopes"]} | compared(layout.compiled)

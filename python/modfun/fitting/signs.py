@@ -23,7 +23,7 @@ from .restarts import compared
 if TYPE_CHECKING:
     from ..equations.symbolic.compiled import Term
 
-__all__ = ["as_begun", "as_written", "positive", "settled", "signed", "signs_open", "starts_choose"]
+__all__ = ["as_begun", "as_written", "positive", "settled", "signed", "signs_open", "starts_choose", "untold"]
 
 TURNED = 2  # parameters below 0, of which one may be a time constant; derivatives of an aircraft are more
 EQUAL = 1.01  # ratio of residuals that tells no signs apart
@@ -59,7 +59,7 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     least norm is taken, which has o within half a turn. A start above 0 tells the sign before all others.
     """
     words: Any = fit.layout.formulas.words
-    free, above = _untold(words), np.array([start is not None and start > 0 for start in words["starts"]])
+    free, above = untold(words), np.array([start is not None and start > 0 for start in words["starts"]])
 
     def below(x: F64) -> tuple[int, int]:
         return int(np.sum(x[above] < 0)), int(np.sum(x[free] < 0))
@@ -120,7 +120,7 @@ def _turned(
     return found if found.success and found.cost <= (1 + MIRRORED) * fit.cost else None
 
 
-def _untold(words: Any) -> Any:
+def untold(words: Any) -> Any:
     """Which parameters have neither a start nor a lower bound, and may be positive."""
     told = zip(words["starts"], words["bounds"], strict=True)
     return np.array([start is None and low == -inf and high > 0 for start, (low, high) in told])
@@ -134,10 +134,8 @@ def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> Equation
     where they told a start or a lower bound, they have told more.
     """
     words: Any = fit.layout.formulas.words
-    if words["linear"] or not fit.usable or not compared(fit.layout.compiled):
-        return fit
-    free = _untold(words)
-    if not np.any(free & (fit.params < 0)):
+    free = untold(words)
+    if not (fit.usable and np.any(free & (fit.params < 0)) and compared(fit.layout.compiled)):
         return fit
     within = tuple(
         (0.0 if is_free else low, high) for is_free, (low, high) in zip(free, words["bounds"], strict=True)
@@ -150,7 +148,7 @@ def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> Equation
     if not settled or not found.bic < fit.bic + CLOSE:
         return fit
     same = abs(found.cost - fit.cost) <= MIRRORED * fit.cost
-    return found if same else replace(found, other_signs=fit.params)
+    return found if same or not fit.bic < found.bic + CLOSE else replace(found, other_signs=fit.params)
 
 
 def settled(fit: EquationFit, sought: Callable[[Any], EquationFit]) -> EquationFit:

@@ -18,6 +18,7 @@ from ..base.tables import Table
 from ..errors import DataError, FitError, SpecError
 from ..fitting.by_response import by_response
 from ..fitting.fit import fit_many, threads_of
+from ..fitting.restarts import compared
 from ..fitting.single import fit_quietly
 from ..models.free import Free, priors_of, to_plain
 from ..models.options import Options
@@ -28,6 +29,7 @@ from ..results.derived import as_function
 from ..results.diagnosis import growth
 from ..results.fit import Fit
 from ..results.many import FitMany
+from ..results.of_equations import EquationFit
 from ..results.prediction import InitialState
 from ..results.refits import starts_beside
 from .bootstrap_noise import chosen, levels_in_time, white, wild
@@ -36,6 +38,7 @@ __all__ = ["Bootstrap", "bootstrap"]
 
 KINDS = ("auto", "parametric", "wild")
 BLOCK = 2**20  # samples held at a time
+SLOW = 100  # refits of rate laws after which the bar moves
 FAR = 1000.0  # of the largest sample: a response beyond it is no record that the fit might have produced
 
 
@@ -314,7 +317,7 @@ def bootstrap(
 
     parts: list[FitMany] = []
     with Progress(progress, f"{kind} bootstrap") as bar:
-        for block in _blocks(count, records):
+        for block in _blocks(count, fit, records):
             ys = [np.add(y, e, out=e) for y, e in zip(clean, noise(block), strict=True)]
             structures = _redrawn(fit, block, address)
             parts.append(_refit(fit, records, ys, held, workers, structures))
@@ -369,8 +372,11 @@ def _held(fit: Fit) -> Options:
     return fit.options.replace(band=fit.band)
 
 
-def _blocks(count: int, records: tuple[Record, ...]) -> Iterator[range]:
+def _blocks(count: int, fit: Fit, records: tuple[Record, ...]) -> Iterator[range]:
     size = max(1, BLOCK // sum(rec.t.size for rec in records))
+    layout: Any = fit.layout
+    if isinstance(fit, EquationFit) and compared(layout.compiled):  # some may be fitted alone
+        size = min(size, SLOW)
     for start in range(0, count, size):
         yield range(start, min(start + size, count))
 

@@ -317,6 +317,37 @@ class FitMany(Elsewhere):
         made.__dict__.update(_odd=odd, _looked=looked)
         return made
 
+    def with_fits(self, fits: Mapping[int, Fit]) -> FitMany:
+        """The same with single fits of equations to some records in the place of those among many."""
+        if not fits:
+            return self
+        rows, good, before = list(fits), list(fits.values()), self.look
+
+        def put(into: Any, values: Any) -> Any:
+            made = np.array(into)
+            made[rows] = values
+            return made
+
+        def look(many: FitMany) -> tuple[NDArray[np.bool_], F64]:
+            changing, bse = (np.zeros(len(many), bool), many.bse_even) if before is None else before(many)
+            return put(changing, changed), put(bse, errors)
+
+        even = [root(np.diag(Estimates.cov_params(f))) for f in good]
+        tested = before is not None
+        changed = [tested and f.changing for f in good]
+        errors = [f.spread for f in good] if tested else even
+        degrees = np.broadcast_to(self.degrees, self.params.shape)
+        return replace(
+            self,
+            params=put(self.params, [f.params if f.status in USABLE else np.nan * f.params for f in good]),
+            bse_even=put(self.bse_even, even),
+            status=put(self.status, [f.status for f in good]),
+            cost=put(self.cost, [_cost(f) for f in good]),
+            nit=put(self.nit, [f.nit for f in good]),
+            degrees=put(degrees, [np.broadcast_to(f.degrees, f.params.shape) for f in good]),
+            look=look,
+        )
+
     @staticmethod
     def of_core(
         found: Mapping[str, Any],
@@ -354,6 +385,11 @@ class FitMany(Elsewhere):
                 options,
             ),
         )
+
+
+def _cost(fit: Any) -> float:
+    """The cost of a fit of equations as the core counts it: that of one channel in units of its noise."""
+    return float(fit.cost if fit.levels.shape[1] > 1 else fit.cost / fit.levels[0, 0] ** 2)
 
 
 def _few(records: Sequence[int], odd: Odd) -> list[int]:
