@@ -19,10 +19,10 @@ from ..models.process import ProcessNoise
 from ..records.record import Record
 from .diagnosis import growth, level_p
 from .estimates import Estimates
-from .lags import EXTRA, LAG, least_time
+from .lags import EXTRA, LAG, acts_later, lagging, least_time, with_values
 from .neighbours import LEVER, ZERO, absurd, integrals, neighbours, singular
 from .promising import promising
-from .refits import lengthy, starts_beside
+from .refits import has_model, lengthy, starts_beside
 from .shifts import SEEN, Shift, likeliest_shift
 from .worth import Key, worth
 
@@ -36,6 +36,7 @@ DRIFT = 'trend="linear"'  # words of that cure
 CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
 WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
 ENOUGH = 0.01  # probability of a chi-square as large: a cure that leaves more leaves the noise
+PLAUSIBLE = 0.1  # the same of a delay, or of a lag, beside which the other one is not looked for
 STEPS = 3  # in which a shift is found
 SUREST = 1e-4  # p-value of the level of residuals below which shifts further away are tried, and of one,
 FAR = (2, 4, 8, -2, -4, -8)  # these, in samples
@@ -86,7 +87,31 @@ def likely_cure(fit: Estimates) -> Cure | None:
     moved = realigned(fit)
     if moved is not None and moved.after < (found.after - CLOSE if found else before - WORTH):
         found = moved
-    return _of_group(fit, next(iter(neighbours(fit)), ()), found, moved)
+    return _with_lag(fit, _of_group(fit, next(iter(neighbours(fit)), ()), found, moved))
+
+
+def _with_lag(fit: Estimates, found: Cure | None) -> Cure | None:
+    """What was found, or a lag of an actuator beside a delay where BIC leaves no doubt of both.
+
+    Tried for the input that seems to act late, and for those whose delay is given as a number.
+    """
+    model = fit.structure
+    if not isinstance(model, StateSpace) or (found.level_p if found else level_p(fit)) > PLAUSIBLE:
+        return found
+    before, alone = bic_beside(fit, fit), found.fit if found else None
+    bar = (found.after if found else before) - WORTH
+    for k, given in enumerate(model.delay):
+        if isinstance(given, str) or not (late := given + acts_later(alone, k)) > 2 * least_time(fit):
+            continue
+        words, code, structure = lagging(fit, model, k, late)
+        other = again(fit, fit.records, structure, on_band(fit, fit.band))
+        if other is None or {*other.at_bound} - {*fit.param_names} or growth(other) > 0 >= growth(fit):
+            continue
+        after = bic_beside(other, fit)
+        if after < bar and not singular(other):
+            words = with_values(f"{words}, {code}", other)
+            found, bar = Cure(words, before, after, level_p(other), other), after
+    return found
 
 
 @kept
@@ -420,15 +445,7 @@ def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:
 def again(fit: Estimates, records: Any, structure: Any, options: Options, **how: Any) -> Estimates | None:
     """The fit made again with other words, as by `again_at_all`; None where it has no answer."""
     other = again_at_all(fit, records, structure, options, **how)
-    return other if other is not None and other.usable and _has_model(other) else None
-
-
-def _has_model(fit: Estimates) -> bool:
-    """Whether a state space has matrices at its estimates: 1/lag has no value at 0."""
-    try:
-        return not isinstance(fit.structure, StateSpace) or fit.model is not None
-    except ModfunError:
-        return False
+    return other if other is not None and other.usable and has_model(other) else None
 
 
 def again_at_all(

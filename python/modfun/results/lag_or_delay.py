@@ -1,4 +1,4 @@
-"""Whether a free delay of inputs may as well be a lag of their actuators, and what that does to estimates."""
+"""Whether a free delay of inputs is a lag of their actuators, or has one beside it, and what that does."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from ..errors import ModfunError
 from ..models.free import Free
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from .cures import CLOSE, WORTH, again, amplified, bic_beside, on_band
-from .diagnosis import level_p
+from .cures import CLOSE, ENOUGH, WORTH, again, amplified, bic_beside, on_band
+from .diagnosis import growth, level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
 from .fitted_samples import measured_lines
-from .lags import EXTRA, free_delays, least_time, undelayed, unused
+from .lags import EXTRA, free_delays, lagging, least_time, undelayed, unused, with_values
 from .rewritten import in_words, rewritten
 
 __all__ = ["acts_by_lag", "uncounted_lag"]
@@ -31,16 +31,21 @@ FAR = 2.0  # standard errors by which a lag has to move an estimate for it to be
 ALIKE = 5.0  # times a delay, or a part of it: a time constant beyond is that of something else
 
 
+_Changed = tuple[str, str, StateSpace | Equation | TransferFunction]
+
+
 @dataclass(frozen=True)
 class _Lag:
-    """A lag in place of a delay: in words with code, and BIC before and after it.
+    """A lag in place of a delay, or beside it: in words with code, and BIC before and after it.
 
-    `name`: the estimate that it moves furthest, `far`: by how many standard errors, `value`: to what.
+    `level_p`: probability of a chi-square as large as that after it; `name`: the estimate that it moves
+    furthest, `far`: by how many standard errors, `value`: to what.
     """
 
     words: str
     before: float
     after: float
+    level_p: float
     delay: str
     name: str
     value: str
@@ -48,30 +53,38 @@ class _Lag:
 
 
 def acts_by_lag(fit: Estimates) -> Doubt | None:
-    """That an input acts by a lag, where a delay is estimated and the record tells the two apart."""
-    lag = _in_place(fit)
+    """That an input acts by a lag, alone or beside its delay, where the record leaves no doubt of it."""
+    lag, seems = _in_place(fit), "to be a lag"
     if lag is None or not lag.after < lag.before - WORTH:
+        lag = None
+    if lag is None or not lag.level_p > ENOUGH:
+        both = _beside(fit)
+        if both and both.after < (lag.after if lag else both.before) - WORTH:
+            lag, seems = both, "to have a lag beside it"
+    if lag is None:
         return None
     was = f"{fit[lag.name]:.4g} ± {fit.spread[fit.param_names.index(lag.name)]:.2g}"
     return Doubt(
-        f"{lag.delay} seems to be a lag: {lag.name} is {was} so, and {lag.value} with a lag. First "
+        f"{lag.delay} seems {seems}: {lag.name} is {was} so, and {lag.value} with a lag. First "
         f"try {lag.words}: BIC falls from {lag.before:.4g} to {lag.after:.4g}.",
         sure=lag.far > FAR,
     )
 
 
 def uncounted_lag(fit: Estimates) -> str:
-    """How far a lag in place of a delay moves the estimates, where the record does not tell them apart.
+    """How far a lag in place of a delay, or beside it, moves the estimates, where the record leaves it open.
 
     "" where it moves none far. Whether something follows its command by a lag of 0.05 s, or as much later,
     a short manoeuvre may leave open, and a control derivative differs by a tenth.
     """
-    lag = _in_place(fit)
-    if lag is None or not -CLOSE < lag.before - lag.after < WORTH or not lag.far > FAR:
+    lag, may, least = _in_place(fit), "be a lag", -CLOSE
+    if lag is None or not lag.before - lag.after > least:
+        lag, may, least = _beside(fit), "have a lag beside it", 0.0  # of true delays one in 200 or so
+    if lag is None or not least < lag.before - lag.after < WORTH or not lag.far > FAR:
         return ""
     fall = lag.before - lag.after
     return (
-        f"{lag.delay} may as well be a lag: then {lag.name} is {lag.value}, {lag.far:.2g} standard errors "
+        f"{lag.delay} may as well {may}: then {lag.name} is {lag.value}, {lag.far:.2g} standard errors "
         f"from this. The record does not tell (BIC {abs(fall):.2g} {'lower' if fall > 0 else 'higher'}). If "
         f"you know that it is one, fit {lag.words}."
     )
@@ -80,17 +93,38 @@ def uncounted_lag(fit: Estimates) -> str:
 @kept
 def _in_place(fit: Estimates) -> _Lag | None:
     """The lag in place of a delay that is seen; None where there is none, or no fit with it."""
+    return _tried(fit, _changed(fit)) if _plain(fit) else None
+
+
+@kept
+def _beside(fit: Estimates) -> _Lag | None:
+    """The same of a lag beside it; of a transfer function that is a pole more, which is tried elsewhere."""
+    model = fit.structure
+    if not isinstance(model, StateSpace) or not _plain(fit):
+        return None
+    every = [name for name in free_delays(fit, model) if _seen(fit, name)]
+    tried = [_tried(fit, _both(fit, model, name)) for name in every]
+    return min((lag for lag in tried if lag), key=lambda lag: lag.after, default=None)
+
+
+def _plain(fit: Estimates) -> bool:
+    """Whether BIC of fits like this one tells structures apart."""
     plain = fit.again is not None and fit.process_levels is None and not fit.options.reference
     plain = plain and measured_lines(fit)  # of filled ones BIC tells nothing
-    if not plain or fit.options.method not in ("ml", "awls") or noise_free(fit) is not None or amplified(fit):
-        return None
-    found, records = _changed(fit), _from_first(fit)
+    return plain and fit.options.method in ("ml", "awls") and noise_free(fit) is None and not amplified(fit)
+
+
+def _tried(fit: Estimates, found: _Changed | None) -> _Lag | None:
+    """The lag of a changed structure, where what is left may be noise."""
+    records = _from_first(fit)
     if found is None or records is None:
         return None
     delay, words, structure = found
     # Over the samples of the fit: those that a delay leaves out would count for the lag.
     other = again(fit, records, structure, on_band(fit, fit.band))
     if other is None or other.at_bound or level_p(other) < SURE:  # of what is still missing others tell
+        return None
+    if growth(other) > 0 >= growth(fit):
         return None
     moved = _moved(fit, other, delay)
     if moved is None:
@@ -101,9 +135,10 @@ def _in_place(fit: Estimates) -> _Lag | None:
     at = int(np.argmax(far))
     value = f"{values[at]:.4g}" + (f" ± {errors[at]:.2g}" if errors[at] > 0 else "")
     return _Lag(
-        words.replace("{}", f"{lag:.3g}"),
+        with_values(words, other).replace("{}", f"{lag:.3g}"),
         bic_beside(fit, fit),
         bic_beside(other, fit),
+        level_p(other),
         "The delay" if delay == "delay" else f"The delay {delay}",
         fit.param_names[at],
         value,
@@ -111,7 +146,13 @@ def _in_place(fit: Estimates) -> _Lag | None:
     )
 
 
-def _changed(fit: Estimates) -> tuple[str, str, StateSpace | Equation | TransferFunction] | None:
+def _both(fit: Estimates, model: StateSpace, name: str) -> _Changed:
+    """The same with a lag of the actuator beside the delay."""
+    words, code, made = lagging(fit, model, model.delay.index(name), fit[name])
+    return name, f"{words}, {code}", made
+
+
+def _changed(fit: Estimates) -> _Changed | None:
     """A delay that is seen, the lag in its place in words, `{}` for its size, and the structure with it."""
     model = fit.structure
     if isinstance(model, StateSpace):
@@ -180,10 +221,10 @@ def _moved(fit: Estimates, other: Estimates, delay: str) -> tuple[float, F64, F6
     """The lag, and what the parameters are with it, with their errors, 0 where unknown."""
     names = fit.param_names
     if not fit.layout.rational:
-        at = [other.param_names.index(EXTRA if name == delay else name) for name in names]
+        at = [other.param_names.index(name if name in other.param_names else EXTRA) for name in names]
         values, errors = other.params[at], other.spread[at]
         k = names.index(delay)
-        values[k], errors[k] = fit.params[k], 0.0  # a lag is no delay
+        values[k], errors[k] = fit.params[k], 0.0  # a lag is no delay, nor is a part of it
         return other[EXTRA], values, errors
     den, nums = other.layout.polynomials(other.params, 0)
     poles = np.roots(den)

@@ -15,8 +15,8 @@ from ..models.free import Free
 from .estimates import Estimates
 
 __all__ = [
-    "EARLY", "EXTRA", "LAG", "delayed", "free_delays", "least_time", "none_seen", "of_actuator",
-    "of_sensor", "undelayed", "unused", "with_sensors",
+    "EARLY", "EXTRA", "LAG", "acts_later", "delayed", "free_delays", "lagging", "least_time", "none_seen",
+    "of_actuator", "of_sensor", "undelayed", "unused", "with_sensors", "with_values",
 ]  # fmt: skip
 
 EXTRA = "extra"  # name of the parameter that a neighbour has more
@@ -102,6 +102,49 @@ def undelayed(fit: Estimates, model: StateSpace, late: str) -> tuple[str, str, S
     words = f"a lag of the actuator of {u} ({{}} s) in place of the delay {late}, as a state: "
     code = _code(fit, _actuator(fit, plain, k, lag), lag)
     return words + _follows(plain, u), code, _actuator(fit, plain, k, EXTRA)
+
+
+def lagging(fit: Estimates, model: StateSpace, k: int, late: float) -> tuple[str, str, StateSpace]:
+    """A lag of the actuator of input k beside its delay, both free, in words, as code and as a state.
+
+    Alone either was about `late`, so the delay is at most that. `{}` stands for the lag, and the name of the
+    delay in braces for it.
+    """
+    u, given, params = model.inputs[k], model.delay[k], dict(model.params)
+    name, beside = unused("h", model), "a delay ({0} = {{{0}}} s)"
+    if isinstance(given, str):
+        name, beside = given, f"the delay {given}"
+    most, own = float(f"{late:.2g}"), params.get(name)
+    least = max(own.min, 0.0) if isinstance(own, Free) else 0.0
+    params[name] = own if isinstance(own, Free) and own.sd else Free(min=least, max=most)
+    made = model._like(delay=[name if j == k else x for j, x in enumerate(model.delay)], params=params)
+    lag = unused("lag", made)
+    code = _code(fit, _actuator(fit, made, k, lag), lag)
+    free = f"{name!r}: mf.Free("
+    code = code.replace(free + "min", f"{free}{{{name}}}, min")
+    words = (
+        f"a lag of the actuator of {u} ({{}} s) beside {beside.format(name)}, as a state: {_follows(made, u)}"
+    )
+    made = _actuator(fit, made, k, EXTRA)
+    starts = {one: Free(fit[one]) for one in fit.param_names if one not in params}
+    starts[EXTRA] = Free(late / 2, min=least_time(fit))
+    return words, code, made._like(params=dict(made.params) | starts)
+
+
+def acts_later(fit: Estimates | None, k: int) -> float:
+    """By how much input k is late in a fit with a delay or a lag of its actuator more; 0 in others, s."""
+    model = fit.structure if fit else None
+    if fit is None or not isinstance(model, StateSpace) or EXTRA not in fit.param_names:
+        return 0.0
+    late = model.delay[k] == EXTRA or model.B[-1][k] == f"1/{EXTRA}"
+    return fit[EXTRA] if late and model.delay.count(EXTRA) < 2 else 0.0
+
+
+def with_values(words: str, fit: Estimates) -> str:
+    """Words with estimates for the names in braces, and that of `EXTRA` for empty ones."""
+    for name in fit.param_names:
+        words = words.replace("{}" if name == EXTRA else f"{{{name}}}", f"{fit[name]:.3g}")
+    return words
 
 
 def delayed(fit: Estimates, model: StateSpace, i: int, late: float) -> tuple[str, StateSpace]:

@@ -6,6 +6,8 @@ from typing import Any
 
 from ..equations.equation import Equation
 from ..equations.layout import layout_of
+from ..equations.state_space import StateSpace
+from ..errors import ModfunError
 from ..models.free import Free
 from ..records.forms import forms_of
 from .diagnosis import level_ratio
@@ -13,7 +15,7 @@ from .estimates import Estimates
 from .lags import EXTRA
 from .sample_levels import beside_samples
 
-__all__ = ["AWAY", "lengthy", "ran_away", "starts_beside"]
+__all__ = ["AWAY", "has_model", "lengthy", "ran_away", "starts_beside"]
 
 AWAY = 3.0  # times the noise level of the high band: a level of noise that ran away, or another model
 LENGTHY = 1000  # operations per sample, of formulas that take half a second to fit
@@ -23,6 +25,14 @@ def lengthy(fit: Estimates) -> bool:
     """Whether fits of equations like the fit's take so long that dozens are made only where one is missed."""
     formulas = getattr(fit.layout, "formulas", None)  # of equations
     return formulas is not None and len(formulas.words["formulas"][0]) > LENGTHY
+
+
+def has_model(fit: Estimates) -> bool:
+    """Whether a state space has matrices at its estimates: 1/lag has no value at 0."""
+    try:
+        return not isinstance(fit.structure, StateSpace) or fit.model is not None
+    except ModfunError:
+        return False
 
 
 def ran_away(fit: Estimates) -> bool:

@@ -126,3 +126,57 @@ def test_a_lag_that_is_none_is_to_be_taken_out():
     assert fit.at_bound == ("lag",)
     assert "the record shows no lag" in text
     assert "First take lag out, with de in place of the state de_moved." in text
+
+
+ROLL = mf.StateSpace([["Lp"]], [["Lda"]], states=["p"], inputs=["da"])
+ROLL_LATE = ROLL._like(delay="h", params={"h": mf.Free(min=0, max=0.3)})
+
+
+def rolled(seed, lag, late):
+    """Roll of a small aircraft by held commands, behind a servo with a lag and a delay of whole steps."""
+    count, step = 1251, 0.02
+    u = np.zeros(count)
+    for at, width, height in [
+        (100, 25, 150),
+        (300, 20, -200),
+        (500, 35, 120),
+        (700, 15, -220),
+        (900, 25, 180),
+    ]:
+        u[at : at + width], u[at + width : at + 2 * width] = height, -height
+    roll = mf.tf([-0.035], [1, 9])
+    plant = roll * mf.tf([1], [lag, 1]) if lag else roll
+    rec = mf.simulate(
+        plant, input=np.r_[np.zeros(late), u[: count - late]], duration=(count - 1) * step,
+        intervals=count - 1, intersample="zoh", nsr=0, seed=seed,
+    )  # fmt: skip
+    y = rec.y[0] + 0.02 * np.random.default_rng(seed).normal(size=count)
+    return mf.Record(y=y, u=u, dt=step, outputs="p", inputs="da")
+
+
+@pytest.mark.parametrize("model", [ROLL, ROLL_LATE])
+def test_a_lag_beside_a_delay_is_named_with_it(model):
+    """Lp of -9 was -7 ± 0.1 with the delay alone, to which the first advice led."""
+    rec = rolled(0, 0.06, 1)
+    fit, text = warned(rec, model)
+    assert abs(fit["Lp"] + 9) > 10 * fit.bse[0]
+    assert "First try a lag of the actuator of da (0.0" in text
+    assert ("beside the delay h, as" if model is ROLL_LATE else "beside a delay (h = 0.0") in text
+    better, again = warned(rec, advised(text))
+    assert not again
+    assert abs(better["Lp"] + 9) < 3 * better.bse[0]
+    assert abs(better["lag"] - 0.06) < 0.02
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_true_delay_has_no_lag_beside_it(seed):
+    fit, text = warned(rolled(seed, 0, 3), ROLL_LATE)
+    assert not text
+    assert "lag" not in str(fit.check())
+
+
+def test_a_lag_alone_is_named_alone():
+    """Held commands were read as straight lines, which made up for half a sample, and a delay stayed."""
+    _, text = warned(rolled(0, 0.06, 0), ROLL_LATE)
+    assert "The delay h seems to be a lag" in text
+    assert "in place of the delay h" in text
