@@ -52,6 +52,7 @@ from .estimates import Estimates
 from .feedback import feedback
 from .free_motion import bent
 from .held_numbers import contradicted_numbers
+from .hidden_by_start import hidden_by_start
 from .hidden_units import in_other_units
 from .jumps import flips, jumps
 from .known_drift import drifting
@@ -324,8 +325,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     repeated, sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output,
     limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
-    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, acts_by_lag,
-    late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop,
+    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, hidden_by_start,
+    acts_by_lag, late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop,
     coloured_load, eliminated, not_linear, unexplained, missing_states, one_cause, flips, other_signs,
     other_minimum, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
@@ -426,6 +427,8 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((bounded, unsettled, unstable))
         if said[early_output]:
             said |= dict.fromkeys((limited_input, bounded))
+        if said[hidden_by_start]:  # which the others take for something else
+            said |= dict.fromkeys((acts_by_lag, not_linear))
         found = [None if said[unseen_event] else slow_pole(whole)]
         found += [doubt for look, doubt in said.items() if look is not flips]
         note = noise_free(whole)
@@ -444,6 +447,7 @@ def check(fit: Estimates, line: str) -> Findings:
             missing_input,
             unused_output,
             unrecorded_input,
+            hidden_by_start,
             acts_by_lag,
             late_channel,
             bent,
@@ -463,7 +467,8 @@ def check(fit: Estimates, line: str) -> Findings:
         time = ""
         if note is None and not any(doubt and doubt.sure for doubt in told):
             d = diagnose(whole)
-            time = "" if said[late_channel] else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
+            late = said[late_channel] or said[hidden_by_start]
+            time = "" if late else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
             slow = _slow(whole)
             slow = slow if slow and _left(whole) is slow else None  # else nothing is looked for twice
             residual = [slow] if slow else of_residuals(whole, d)
@@ -487,5 +492,6 @@ def check(fit: Estimates, line: str) -> Findings:
         ]
         found += of_records(fit, [doubt.text for doubt in found if doubt])
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
-    note = of_stability(fit) or gain_of_start(fit, warnings_of) or note or ""
+    gains = None if said[hidden_by_start] else gain_of_start(fit, warnings_of)
+    note = of_stability(fit) or gains or note or ""
     return Findings(title, [doubt.text for doubt in doubts], note=f"{note} {time}".strip())

@@ -16,7 +16,7 @@ from .diagnosis import growth
 from .estimates import Estimates
 from .further import basis_of
 
-__all__ = ["drifting"]
+__all__ = ["drifting", "linearised"]
 
 PART = 0.3  # of a standard error: steps of differences
 PAST = 4  # samples from which the noise of the next is foretold
@@ -46,17 +46,11 @@ def _fall(fit: Any, rec: Record) -> float:
     from scipy.signal import lfilter
 
     weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)
-    here = fit.simulate(rec)[0]
-    slopes = []
-    for k, step in enumerate(PART * Estimates.cov_params(fit).diagonal() ** 0.5):
-        if step > 0:
-            params = fit.params.copy()
-            params[k] += step
-            slopes.append((replace(fit, params=params).simulate(rec)[0] - here) / step)
+    left, slopes = linearised(fit, rec)
     ramp = (rec.t - rec.t[0]) / rec.duration
     falls = [0.0]
     for i, weight in enumerate(weights):
-        rows = np.array([rec.y[i] - here[i], *(own[i] for own in slopes), np.ones_like(ramp), ramp]) * weight
+        rows = np.array([left[i], *slopes[:, i], np.ones_like(ramp), ramp]) * weight
         noise = rows[0] - _fitted(rows[1:], rows[0])
         before = np.array([noise[PAST - k : noise.size - k] for k in range(1, PAST + 1)])
         told = np.linalg.lstsq(before.T, noise[PAST:], rcond=None)[0]
@@ -69,6 +63,18 @@ def _fall(fit: Any, rec: Record) -> float:
         count = white.shape[1]
         falls.append(float(count * np.log(squares[0] / squares[1]) - np.log(count)))
     return max(falls)
+
+
+def linearised(fit: Any, rec: Record) -> tuple[F64, F64]:
+    """What the response leaves of a record, (output, time), and its slopes; 0 of parameters on bounds."""
+    here = fit.simulate(rec)[0]
+    slopes = np.zeros((fit.params.size, *here.shape))
+    for k, step in enumerate(PART * Estimates.cov_params(fit).diagonal() ** 0.5):
+        if step > 0:
+            params = fit.params.copy()
+            params[k] += step
+            slopes[k] = (replace(fit, params=params).simulate(rec)[0] - here) / step
+    return rec.y - here, slopes
 
 
 def _fitted(columns: F64, values: F64) -> F64:

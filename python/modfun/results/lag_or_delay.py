@@ -21,6 +21,7 @@ from .diagnosis import level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
 from .fitted_samples import measured_lines
+from .known_start import from_rest
 from .lags import EXTRA, free_delays, least_time, undelayed, unused
 from .rewritten import in_words, rewritten
 
@@ -50,7 +51,7 @@ class _Lag:
 def acts_by_lag(fit: Estimates) -> Doubt | None:
     """That an input acts by a lag, where a delay is estimated and the record tells the two apart."""
     lag = _in_place(fit)
-    if lag is None or not lag.after < lag.before - WORTH:
+    if lag is None or not lag.after < lag.before - WORTH or _denied_at_rest(fit, -WORTH):
         return None
     was = f"{fit[lag.name]:.4g} ± {fit.spread[fit.param_names.index(lag.name)]:.2g}"
     return Doubt(
@@ -69,12 +70,23 @@ def uncounted_lag(fit: Estimates) -> str:
     lag = _in_place(fit)
     if lag is None or not -CLOSE < lag.before - lag.after < WORTH or not lag.far > FAR:
         return ""
+    if _denied_at_rest(fit, CLOSE):
+        return ""
     fall = lag.before - lag.after
     return (
         f"{lag.delay} may as well be a lag: then {lag.name} is {lag.value}, {lag.far:.2g} standard errors "
         f"from this. The record does not tell (BIC {abs(fall):.2g} {'lower' if fall > 0 else 'higher'}). If "
         f"you know that it is one, fit {lag.words}."
     )
+
+
+def _denied_at_rest(fit: Estimates, rise: float) -> bool:
+    """Whether records begin at rest, and a lag raises BIC by more where the fit knows that."""
+    rest, found = from_rest(fit), _changed(fit)
+    if rest is None or found is None:
+        return False
+    other = again(fit, fit.records, found[2], rest.options)
+    return other is None or not bic_beside(other, fit) < bic_beside(rest, fit) + rise
 
 
 @kept
