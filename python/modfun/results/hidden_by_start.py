@@ -10,6 +10,7 @@ import numpy as np
 
 from ..base.cached import kept
 from ..base.student import student_p
+from ..errors import ModfunError
 from ..models.free import Free
 from .cures import CLOSE, ENOUGH, again, bic_beside
 from .diagnosis import growth, level_p
@@ -39,7 +40,7 @@ def hidden_by_start(fit: Estimates) -> Doubt | None:
     single = layout.rational and len(layout.orders) == len(fit.inputs) == len(layout.free_delays) == 1
     if not single or fit.structure.params or fit.structure.denominator is not None:
         return None
-    if not (plainly_at_rest(fit) and _seems_apart(fit)):
+    if growth(fit) > 0 or not (plainly_at_rest(fit) and _seems_apart(fit)):
         return None
     rest = from_rest(fit)
     apart = far_apart(fit, rest) if rest is not None else None
@@ -72,7 +73,10 @@ def _seems_apart(fit: Estimates) -> bool:
     """Whether Hausman's test may find the fit from rest elsewhere: by one step towards it on samples."""
     rest, rows = replace(fit, options=fit.options.replace(initial_state="rest")), []
     for rec in fit.records or ():
-        left, slopes = linearised(rest, rec)
+        try:
+            left, slopes = linearised(rest, rec)
+        except ModfunError:  # a response that overflows
+            return False
         both = np.vstack([left, slopes[:, 0]])
         rows.append(both - np.mean(both, axis=1, keepdims=True))
     left, slopes = np.split(np.hstack(rows), [1])
