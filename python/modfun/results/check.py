@@ -52,6 +52,7 @@ from .estimates import Estimates
 from .feedback import feedback
 from .free_motion import bent
 from .held_numbers import contradicted_numbers
+from .hidden_by_start import hidden_by_start
 from .hidden_units import in_other_units
 from .jumps import flips, jumps
 from .known_drift import drifting
@@ -327,8 +328,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     repeated, sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output,
     limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
-    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, acts_by_lag,
-    late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop,
+    in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, hidden_by_start,
+    acts_by_lag, late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop,
     coloured_load, eliminated, not_linear, unexplained, missing_states, one_cause, flips, other_signs,
     other_minimum, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
@@ -433,14 +434,16 @@ def check(fit: Estimates, line: str) -> Findings:
             said |= dict.fromkeys((bounded, unsettled, unstable))
         if said[early_output]:
             said |= dict.fromkeys((limited_input, bounded))
+        if said[hidden_by_start]:  # which the others take for something else
+            said |= dict.fromkeys((acts_by_lag, not_linear))
         found = [None if said[unseen_event] else slow_pole(whole)]
         found += [doubt for look, doubt in said.items() if look is not flips]
         note = noise_free(whole)
         first = (
             coded, in_degrees, stored_late, slow_input, unlike_records, one_record, unseen_event,
             saturated, off_centre, in_other_units, contradicted_numbers, missing_input, unused_output,
-            unrecorded_input, acts_by_lag, late_channel, bent, swapped, misweighted, unlike_command,
-            fed_back, noisy_input, driven_loop, eliminated, not_linear, missing_states,
+            unrecorded_input, hidden_by_start, acts_by_lag, late_channel, bent, swapped, misweighted,
+            unlike_command, fed_back, noisy_input, driven_loop, eliminated, not_linear, missing_states,
         )  # fmt: skip
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []
@@ -462,7 +465,8 @@ def check(fit: Estimates, line: str) -> Findings:
         ]
         found += of_records(fit, [doubt.text for doubt in found if doubt])
         try:
-            note = of_stability(fit) or gain_of_start(fit, warnings_of) or note
+            gains = None if said[hidden_by_start] else gain_of_start(fit, warnings_of)
+            note = of_stability(fit) or gains or note
         except FAILURES as error:
             found.append(_failure("gain_of_start", error))
     doubts = sorted([doubt for doubt in found if doubt], key=lambda doubt: not doubt.sure)
@@ -472,7 +476,8 @@ def check(fit: Estimates, line: str) -> Findings:
 def _of_lines(whole: Estimates, said: Any) -> tuple[list[Doubt | None], str]:
     """What residual lines say, and beside it a note about the time of the inputs; `said` by other looks."""
     d = diagnose(whole)
-    time = "" if said[late_channel] else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
+    late = said[late_channel] or said[hidden_by_start]
+    time = "" if late else f"{uncounted_time(whole)} {uncounted_lag(whole)}".strip()
     slow = _slow(whole)
     slow = slow if slow and _left(whole) is slow else None  # else nothing is looked for twice
     residual = [slow] if slow else of_residuals(whole, d)

@@ -16,7 +16,7 @@ from .diagnosis import growth
 from .estimates import Estimates
 from .further import basis_of
 
-__all__ = ["drifting"]
+__all__ = ["drifting", "linearised"]
 
 PART = 0.3  # of a standard error: steps of differences
 PAST = 4  # samples from which the noise of the next is foretold
@@ -39,15 +39,16 @@ def drifting(fit: Estimates) -> tuple[Estimates, float] | None:
 
 
 def _beside(fit: Any, k: int, step: float) -> Any:
-    """The fit with a parameter moved by at most a step, and not to where a mode grows.
+    """The fit with a parameter moved by at most a step, and not to where a mode begins to grow.
 
     Errors of superfluous poles are as large as these.
     """
+    decays = not growth(fit) > 0
     while True:
         params = fit.params.copy()
         params[k] += step
         moved = replace(fit, params=params)
-        if not growth(moved) > 0:
+        if not (decays and growth(moved) > 0):
             return moved
         step /= 4
 
@@ -60,16 +61,11 @@ def _fall(fit: Any, rec: Record) -> float:
     from scipy.signal import lfilter
 
     weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)
-    here = fit.simulate(rec)[0]
-    slopes = []
-    for k, step in enumerate(PART * Estimates.cov_params(fit).diagonal() ** 0.5):
-        if step > 0:
-            beside = _beside(fit, k, step)
-            slopes.append((beside.simulate(rec)[0] - here) / (beside.params[k] - fit.params[k]))
+    left, slopes = linearised(fit, rec)
     ramp = (rec.t - rec.t[0]) / rec.duration
     falls = [0.0]
     for i, weight in enumerate(weights):
-        rows = np.array([rec.y[i] - here[i], *(own[i] for own in slopes), np.ones_like(ramp), ramp]) * weight
+        rows = np.array([left[i], *slopes[:, i], np.ones_like(ramp), ramp]) * weight
         noise = rows[0] - _fitted(rows[1:], rows[0])
         before = np.array([noise[PAST - k : noise.size - k] for k in range(1, PAST + 1)])
         told = np.linalg.lstsq(before.T, noise[PAST:], rcond=None)[0]
@@ -82,6 +78,17 @@ def _fall(fit: Any, rec: Record) -> float:
         count = white.shape[1]
         falls.append(float(count * np.log(squares[0] / squares[1]) - np.log(count)))
     return max(falls)
+
+
+def linearised(fit: Any, rec: Record) -> tuple[F64, F64]:
+    """What the response leaves of a record, (output, time), and its slopes; 0 of parameters on bounds."""
+    here = fit.simulate(rec)[0]
+    slopes = np.zeros((fit.params.size, *here.shape))
+    for k, step in enumerate(PART * Estimates.cov_params(fit).diagonal() ** 0.5):
+        if step > 0:
+            beside = _beside(fit, k, step)
+            slopes[k] = (beside.simulate(rec)[0] - here) / (beside.params[k] - fit.params[k])
+    return rec.y - here, slopes
 
 
 def _fitted(columns: F64, values: F64) -> F64:

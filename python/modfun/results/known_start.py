@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base.arrays import F64
+from ..base.cached import kept
 from ..models.free import Free
 from ..records.periods import periods
-from ..records.steady import QUIET, standing
+from ..records.steady import QUIET, flat, standing
 from .cures import DRIFT, again, amplified, furthest, on_band
 from .diagnosis import growth
 from .known_drift import drifting
@@ -20,7 +21,15 @@ from .rewritten import rewritten
 if TYPE_CHECKING:
     from .estimates import Estimates
 
-__all__ = ["contradicted_p", "gain_of_start", "off_zero"]
+__all__ = [
+    "contradicted_p",
+    "far_apart",
+    "from_rest",
+    "gain_of_start",
+    "hausman",
+    "off_zero",
+    "plainly_at_rest",
+]
 
 LEAST_GAIN = 1.2  # of a standard error
 SAME = 0.95  # the same: errors that do not change
@@ -85,18 +94,40 @@ def _beside_free(fit: Estimates) -> float:
     # On a bound, or where its search did not end, a fit has the errors of other parameters that are held.
     if not other.success or set(other.at_bound) - set(fit.at_bound):
         return p_level
-    gap, size = other.params - fit.params, np.sqrt(np.diag(other.cov_nonrobust))
-    free = size > 0  # and not on a bound
-    gap, size = gap[free], size[free]
-    left = (other.cov_nonrobust - fit.cov_nonrobust / max(ratio, 1.0))[np.ix_(free, free)]
+    p = far_apart(other, fit)
+    return p_level if p is None else min(1.0, 2 * min(p_level, p))
+
+
+def far_apart(free: Estimates, told: Estimates) -> float | None:
+    """`hausman` of a fit with a free start and one that knows it, both under the noise of the free one."""
+    ratio = max(float(np.mean((told.noise_levels / free.noise_levels) ** 2)), 1.0)
+    return hausman(free, free.params - told.params, told.cov_nonrobust / ratio)
+
+
+def hausman(free: Estimates, gap: F64, told: F64) -> float | None:
+    """p-value of how far estimates with a free start are from ones that know it; None where it tells nothing.
+
+    Parameters
+    ----------
+    free : Estimates
+    gap : (parameter,) array
+    told : (parameter, parameter) array
+        Covariance of the estimates that know the start.
+    """
+    from scipy.special import fdtrc
+
+    size = np.sqrt(np.diag(free.cov_nonrobust))
+    inside = size > 0  # and not on a bound
+    gap, size = gap[inside], size[inside]
+    left = (free.cov_nonrobust - told)[np.ix_(inside, inside)]
     values, vectors = np.linalg.eigh(left / np.outer(size, size))
     if values[0] < -MOST_LOST:  # a fit that knows less has no smaller errors, but in another minimum
-        return p_level
-    told = values > LEAST_TOLD  # of the variances: less is no more than their own scatter
-    if not told.any():
-        return p_level
-    squares = (vectors[:, told].T @ (gap / size)) ** 2 / values[told]
-    return min(1.0, 2 * min(p_level, float(fdtrc(squares.size, other.df_resid, np.mean(squares)))))
+        return None
+    seen = values > LEAST_TOLD  # of the variances: less is no more than their own scatter
+    if not seen.any():
+        return None
+    squares = (vectors[:, seen].T @ (gap / size)) ** 2 / values[seen]
+    return float(fdtrc(squares.size, free.df_resid, np.mean(squares)))
 
 
 def gain_of_start(fit: Estimates, warnings: Callable[[Estimates], list[str]]) -> str | None:
@@ -104,16 +135,7 @@ def gain_of_start(fit: Estimates, warnings: Callable[[Estimates], list[str]]) ->
 
     Not where the fit that says so is in doubt: it has `warnings`, or estimates or errors of another minimum.
     """
-    options = fit.options
-    asks = (options.initial_state, options.noise) == ("unknown", "output")
-    asks = asks and options.method in ("ml", "awls")
-    if not (asks and fit.again and fit.records and fit.inputs):
-        return None
-    odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]
-    if odd or not options.extended:
-        return None
-    # Forty to eighty fits, a level of each output before the record being unknown, or as many slow ones.
-    if len(fit.outputs) > 1 or amplified(fit):
+    if not (_plain(fit) and fit.records):
         return None
     if all(standing(rec) >= QUIET for rec in fit.records):
         told, seen = "rest", "The inputs begin steady, and the output agrees with a start at rest"
@@ -122,7 +144,7 @@ def gain_of_start(fit: Estimates, warnings: Callable[[Estimates], list[str]]) ->
     else:
         return None
     options = on_band(fit, fit.band).replace(initial_state=told)
-    other = again(fit, fit.records, _near(fit), options)
+    other = _from(fit, told)
     if other is None:
         return None
     beside, drift = "", drifting(other)
@@ -147,6 +169,34 @@ def gain_of_start(fit: Estimates, warnings: Callable[[Estimates], list[str]]) ->
             gain = np.max(_gains(fit, safe), initial=1.0)
             text += f" Where the output may drift within the noise, add {DRIFT}: then up to {gain:.2g} times."
     return text
+
+
+def from_rest(fit: Estimates) -> Estimates | None:
+    """The fit that takes the records to begin at rest, where they plainly do; None of others."""
+    return _from(fit, "rest") if plainly_at_rest(fit) else None
+
+
+def plainly_at_rest(fit: Estimates) -> bool:
+    """Whether inputs and outputs stand for a while at first, and a fit that knows it is to be had."""
+    return _plain(fit) and all(map(flat, fit.records or ()))
+
+
+def _plain(fit: Estimates) -> bool:
+    """Whether a fit with a free initial state may have one beside it that knows it, at no great cost."""
+    options = fit.options
+    asks = (options.initial_state, options.noise) == ("unknown", "output")
+    asks = asks and options.method in ("ml", "awls") and options.extended
+    if not (asks and fit.again and fit.records and fit.inputs):
+        return False
+    odd = [rec for rec in fit.records if rec.dt is None or rec.mask is not None or rec.sigma is not None]
+    # Forty to eighty fits, a level of each output before the record being unknown, or as many slow ones.
+    return not (odd or len(fit.outputs) > 1 or amplified(fit))
+
+
+@kept
+def _from(fit: Estimates, told: str) -> Estimates | None:
+    """The fit with a known start, its delays near their estimates."""
+    return again(fit, fit.records, _near(fit), on_band(fit, fit.band).replace(initial_state=told))
 
 
 def _gains(fit: Estimates, other: Estimates) -> F64:

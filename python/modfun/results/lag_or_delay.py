@@ -21,6 +21,7 @@ from .diagnosis import growth, level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
 from .fitted_samples import measured_lines
+from .known_start import from_rest
 from .lags import EXTRA, free_delays, lagging, least_time, undelayed, unused, with_values
 from .rewritten import in_words, rewritten
 
@@ -55,7 +56,7 @@ class _Lag:
 def acts_by_lag(fit: Estimates) -> Doubt | None:
     """That an input acts by a lag, alone or beside its delay, where the record leaves no doubt of it."""
     lag, seems = _in_place(fit), "to be a lag"
-    if lag is None or not lag.after < lag.before - WORTH:
+    if lag is None or not lag.after < lag.before - WORTH or _denied_at_rest(fit, -WORTH):
         lag = None
     if lag is None or not lag.level_p > ENOUGH:
         both = _beside(fit)
@@ -82,12 +83,23 @@ def uncounted_lag(fit: Estimates) -> str:
         lag, may, least = _beside(fit), "have a lag beside it", 0.0  # of true delays one in 200 or so
     if lag is None or not least < lag.before - lag.after < WORTH or not lag.far > FAR:
         return ""
+    if _denied_at_rest(fit, CLOSE):
+        return ""
     fall = lag.before - lag.after
     return (
         f"{lag.delay} may as well {may}: then {lag.name} is {lag.value}, {lag.far:.2g} standard errors "
         f"from this. The record does not tell (BIC {abs(fall):.2g} {'lower' if fall > 0 else 'higher'}). If "
         f"you know that it is one, fit {lag.words}."
     )
+
+
+def _denied_at_rest(fit: Estimates, rise: float) -> bool:
+    """Whether records begin at rest, and a lag raises BIC by more where the fit knows that."""
+    rest, found = from_rest(fit), _changed(fit)
+    if rest is None or found is None:
+        return False
+    other = again(fit, fit.records, found[2], rest.options)
+    return other is None or not bic_beside(other, fit) < bic_beside(rest, fit) + rise
 
 
 @kept
