@@ -172,13 +172,20 @@ def _evidence(fit: Estimates, levels: F64) -> tuple[float, F64, float]:
 
 
 def _stands_out(fit: Estimates, levels: F64, noisy: NDArray[np.bool_]) -> bool:
-    """Whether noisy inputs are far above their noise on the lines of the fit: noise alone drives nothing."""
+    """Whether noisy inputs are far above their noise on the lines of the fit: noise alone drives nothing.
+
+    A window that goes to zero at both ends hides the pulse of a hammer at one of them, beside which an input
+    is nothing but its noise.
+    """
     for k, (rec, (low, high)) in enumerate(zip(fit.records or (), fit.lines, strict=True)):
         n = fit.intervals[k]
-        window = np.hanning(n + 1)
-        lines = _lines(window, rec.u[noisy, rec.intervals - n :])[:, max(low - 1, 0) : high]
-        if np.any(np.mean(np.abs(lines) ** 2, axis=1) < ABOVE * levels**2 * float(window @ window)):
-            return False
+        u = rec.u[noisy, rec.intervals - n :]
+        usual = np.median(np.abs(u - np.median(u, axis=1, keepdims=True)), axis=1)
+        for own, level, pulse in zip(u, levels, usual < levels, strict=True):
+            window = np.ones(n + 1) if pulse else np.hanning(n + 1)
+            lines = _lines(window, own[None])[0, max(low - 1, 0) : high]
+            if np.mean(np.abs(lines) ** 2) < ABOVE * level**2 * float(window @ window):
+                return False
     return True
 
 

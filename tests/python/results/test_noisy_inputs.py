@@ -185,3 +185,25 @@ def test_noise_of_an_input_in_straight_lines_is_named():
         y = y + 0.002 * y.std() * rng.normal(size=n + 1)
         rec = mf.Record(y=y, u=u + 0.02 * u.std() * rng.normal(size=n + 1), dt=0.05, intersample="foh")
         assert SAID in fitted(rec, mf.TransferFunction(poles=2, zeros=0))[1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_of_a_hammer_is_no_actuator_that_sticks(seed: int) -> None:
+    """The pulse of 3 ms stands at an end of the record, where a window hides it: all were said to stick."""
+    dt, count = 1 / 2000, 4096
+    t = dt * np.arange(count)
+    omega, zeta = 2 * np.pi * np.array([18.3, 113.0]), np.array([0.012, 0.008])
+    one, two = ([1.0, 2 * z * w, w * w] for z, w in zip(zeta, omega, strict=True))
+    plant = mf.tf(np.polyadd([*two, 0, 0], 0.36 * np.array([*one, 0, 0])), np.polymul(one, two))
+    pulse = (t > 0.02) & (t < 0.023)
+    force = np.where(pulse, 120 * np.sin(np.pi * (t - 0.02) / 0.003), 0.0)
+    rng = np.random.default_rng(seed)
+    a = plant.simulate(u=force, dt=dt) + 0.5 * rng.standard_normal(count)
+    rec = mf.Record(y={"a": a}, u={"F": force + 0.2 * rng.standard_normal(count)}, dt=dt)
+    model = mf.TransferFunction(poles=4, zeros=4)
+    with pytest.warns(mf.ModfunWarning, match="Noise on F, 0.[12]") as seen:
+        mf.fit(rec, model)
+    assert not any("actuator" in str(one.message) for one in seen)
+    fit = mf.fit(rec, model, noise="errors-in-variables")
+    true = np.polymul(one, two)[1:]
+    assert np.all(np.abs((fit.params[:4] - true) / fit.bse[:4]) < 4.5)
