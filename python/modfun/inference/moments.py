@@ -82,6 +82,11 @@ class Lines:
     top : int
     unit : float
         rad/s that frequencies are measured in.
+
+    Attributes
+    ----------
+    implicit : ndarray of bool, shape (candidate,)
+        Whether each one has a derivative as high as its target's, of what is measured with noise.
     """
 
     def __init__(
@@ -108,16 +113,18 @@ class Lines:
         parts = columns.parts * scale[None, :, None]
         count = len(columns.texts) - self.equation.size
         self.targets, self.candidates = parts[:count], parts[count:]
-        self.orders = [int(max(np.nonzero(np.any(p != 0, axis=1))[0])) for p in parts[:count]]
+        self.orders = [_order(p) for p in self.targets]
         for e, p in zip(self.equation, self.candidates, strict=True):
-            own = int(max(np.nonzero(np.any(p != 0, axis=1))[0]))
-            self.orders[e] = max(self.orders[e], own)
+            self.orders[e] = max(self.orders[e], _order(p))
         self.s = 1j * np.arange(top + 1) * omega0 / unit
         self.powers = np.asarray(self.s[None, :] ** np.arange(parts.shape[1])[:, None], dtype=np.complex128)
         good = variances if record.mask is None else np.where(record.mask, variances, 0.0)
         signals, slopes = columns.values(k, y, driving(record), record.t, good)
         self.signals = self._lines(signals, columns.kinds(k))
         self.slopes = slopes
+        lowest = np.array([_order(p) for p in self.targets])[self.equation]
+        noisy = self.candidates[:, :, np.any(slopes != 0, axis=(1, 2))]
+        self.implicit = np.array([_order(p) >= max(least, 1) for p, least in zip(noisy, lowest, strict=True)])
         self.target_lines = self._columns(self.targets, self.signals)
         self.candidate_lines = self._columns(self.candidates, self.signals)
         self.transient = self._transient()
@@ -213,6 +220,21 @@ class Lines:
         solved = solve_triangular(factor * self.spread, np.column_stack([self.transient, rows]), lower=True)
         basis = np.linalg.qr(solved[:, :-1])[0]
         return through, factor, basis, _off(basis, solved[:, -1])
+
+    def shared(self, theta: F64, other: F64) -> float:
+        """Squared correlations, summed, between the whitened residuals that two estimates leave of noise."""
+        from scipy.linalg import solve_triangular
+
+        patterns = []
+        for one in (theta, other):
+            found = self._whitened(one, np.arange(one.size))
+            if found is None:
+                return 0.0
+            through, factor, basis, _ = found
+            rows = _off(basis, solve_triangular(factor, np.eye(len(factor)), lower=True))
+            patterns.append(np.array([self._noise(through, row) for row in rows]).reshape(len(rows), -1))
+        first = patterns[0] / np.maximum(self.variances, 1e-300).ravel()
+        return float(np.sum((first @ patterns[1].T) ** 2))
 
     def colour(self, theta: F64, which: Any) -> None:
         """Weight each line by the residuals around it that θ, a fit of the candidates `which`, leaves.
@@ -320,6 +342,11 @@ class Lines:
         padded[: lines.size] = lines
         wave = np.fft.ifft(padded).real * n
         return np.append(wave, wave[0])
+
+
+def _order(parts: F64) -> int:
+    """Highest derivative among parts (derivative, signal); -1 of none."""
+    return int(np.max(np.flatnonzero(np.any(parts != 0, axis=1)), initial=-1))
 
 
 def _by_line(rows: F64) -> F64:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Any
@@ -22,6 +22,7 @@ COLOURINGS = 6  # weights from residuals, those of the whole library first
 ROUNDS = 12  # of likelihood and subsets
 LEAST = 1e-4  # residual variance over that of the levels: less is next to none
 MISFIT = 2.0  # times the cost: what was taken from the outputs was no noise
+CHANCE = NormalDist().inv_cdf(1 - FALSE_ALARM)  # standard deviations between costs of unlike weights
 FINALISTS, NEAR = 4, 4.0  # refitted by likelihood: how many, and how far above the best criterion
 
 
@@ -116,15 +117,19 @@ class Search:
         rows = sum((2 * one.top + 1) * len(one.orders) - one.transient.shape[1] for one in lines)
         self.rows = rows
         self.penalty = penalties(self.keep, degrees, signs)
+        self.degrees = np.asarray(degrees)
+        self.implicit = np.any([one.implicit for one in lines], axis=0) & ~self.keep
 
     def run(self) -> Searched:
-        """Walks from a first guess and from the whole library; goes on from the better end."""
+        """Walks from a first guess, the whole library and its explicit part; goes on from the best end."""
         ends = [self._walk(self._guess())]
         every = ends[0].moments.independent
         whole = estimate(self.lines, every, ends[0].estimate.theta)
         if np.isfinite(whole.cost):
             ends.append(self._walk(whole))
-        first = best = self._better(ends)
+        for less in self._explicit(every):
+            ends.append(self._walk(estimate(self.lines, less, ends[0].moments.estimate(less))))
+        first = best = self._divided(ends)
         coloured = self._contradicts(first.excess, first.freedom)
         if coloured:
             theta, which = whole.theta if np.isfinite(whole.cost) else best.moments.estimate(every), every
@@ -148,7 +153,8 @@ class Search:
         for chosen, value in best.subsets[1 : FINALISTS + 1]:
             if value < best.subsets[0][1] + NEAR:
                 rivals.append(self._at(estimate(self.lines, chosen, best.moments.estimate(chosen))))
-        return replace(self._better(rivals), excess=first.excess, coloured=coloured)
+        best = self._divided([self._better(rivals)])
+        return replace(best, excess=first.excess, coloured=coloured)
 
     def _guess(self) -> Estimate:
         """Equal weights on all lines, the noise as large as what the whole library leaves."""
@@ -210,12 +216,68 @@ class Search:
         """
         return not (self.given and excess < 1) and contradicts(excess, freedom, self.high_df)
 
+    def _explicit(self, which: Any) -> Iterator[Any]:
+        """Candidates without the implicit one of the highest degree, without that and the next, and so on."""
+        held = np.flatnonzero(which & self.implicit)
+        for k in np.argsort(-self.degrees[held], kind="stable"):
+            which = which & (np.arange(which.size) != held[k])
+            yield which
+
+    def _divided(self, ends: Sequence[Searched]) -> Searched:
+        """The best end, also from the chosen terms without one of the implicit ones, or without all.
+
+        Where the true equation E and E + λ·signal·E both fit, E seems absurd with the weights of the latter:
+        walks from fewer terms judge it by its own.
+        """
+        ends, seen = list(ends), set[bytes]()
+        while True:
+            best = self._shorter(ends)
+            held = best.chosen & self.implicit
+            more = [best.chosen & (np.arange(held.size) != k) for k in np.flatnonzero(held)]
+            new = {less.tobytes(): less for less in (*more, best.chosen & ~held)}
+            new = {key: less for key, less in new.items() if held.any() and key not in seen}
+            if not new:
+                return best
+            seen.update(new)
+            for less in new.values():
+                ends.append(self._walk(estimate(self.lines, less, best.moments.estimate(less))))
+
+    def _shorter(self, ends: Sequence[Searched]) -> Searched:
+        """The best end, or one of smaller penalties whose weights may account for the difference.
+
+        Both whitened by weights of their own, residuals of two right equations are not the same numbers, and
+        the difference of their sums of squares has a variance beyond that of nested equations: twice that of
+        either sum for each part of them that the two do not share.
+        """
+        best = self._better(ends)
+        while True:
+            near = [one for one in ends if self._like(one, best)]
+            if not near:
+                return best
+            best = self._better(near)
+
+    def _like(self, end: Searched, best: Searched) -> bool:
+        """Whether an end of smaller penalties is worse than the best by chance only."""
+        (barred, value), (_, least) = self._ranks([end, best])
+        fewer = self.penalty[end.chosen].sum() < self.penalty[best.chosen].sum()
+        if barred or not fewer or not np.any((end.chosen ^ best.chosen) & self.implicit):
+            return False
+        theta, other = end.estimate.theta, best.estimate.theta
+        apart = self.rows - sum(one.shared(theta, other) for one in self.lines)
+        return bool(value - least < CHANCE * 2 * np.sqrt(max(apart, 0.0)))
+
     def _better(self, ends: Sequence[Searched]) -> Searched:
-        """The end of the lowest criterion, all in units of the same noise."""
+        """The end of the lowest criterion."""
+        ranks = self._ranks(ends)
+        return ends[min(range(len(ends)), key=ranks.__getitem__)]
+
+    def _ranks(self, ends: Sequence[Searched]) -> list[tuple[bool, float]]:
+        """Whether each end breaks a rule, and its criterion, all in units of the same noise."""
         scale = min((end.scale for end in ends if np.isfinite(end.estimate.cost)), default=1.0)
-
-        def rank(end: Searched) -> tuple[bool, float]:
-            barred = np.asarray(end.chosen).tobytes() in end.moments.barred
-            return barred, end.estimate.cost / scale + self.penalty[end.chosen].sum()
-
-        return min(ends, key=rank)
+        return [
+            (
+                np.asarray(end.chosen).tobytes() in end.moments.barred,
+                end.estimate.cost / scale + float(self.penalty[end.chosen].sum()),
+            )
+            for end in ends
+        ]
