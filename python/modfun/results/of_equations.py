@@ -268,9 +268,14 @@ class EquationFit(Fit):
         return self.df_resid * float(over) if weighted else float("nan")
 
     def _gradient(self, of: Any) -> Any:
-        """Values of a function of the linear model, and its derivatives to the parameters."""
+        """Values of a function of the linear model, and its derivatives to the parameters.
+
+        Half of these on a bound, beyond which there is no model, as of a delay of 0: its error is unknown.
+        """
+        low, high = np.array(self.layout.formulas.words["bounds"], dtype=float).T
 
         def at(params: F64) -> Any:
+            params = np.clip(params, low, high)
             return of(self.structure.model(dict(zip(self.param_names, params.tolist(), strict=True))))
 
         return of(self.model), differences(at, self.params, self.bse)

@@ -44,3 +44,20 @@ def test_an_event_is_at_its_time(tmp_path):
         fit = mf.fit(record(0, 0.02, push=0.3), MODEL)
     assert "at about t = 496.27 s" in next(iter(fit.check()))
     assert list(loaded(fit, tmp_path).check()) == list(fit.check())
+
+
+def test_modes_of_a_state_space_with_a_delay_on_its_bound_are_told(tmp_path):
+    """Differences beside a delay of 0 s asked for a negative one, and a part of the check failed."""
+    rng = np.random.default_rng(0)
+    u = np.repeat(rng.choice([-1.0, 1.0], 60), 20)
+    y = mf.tf([-0.4], [1, 9]).simulate(u=u, dt=0.02, intersample="zoh")
+    rec = mf.Record(
+        y=y + 0.002 * rng.standard_normal(y.size), u=u, dt=0.02, outputs="p", inputs="da", intersample="zoh"
+    )
+    late = {"h": mf.Free(0.02, min=0, max=0.2)}
+    model = mf.StateSpace([["Lp"]], [["Lda"]], states=["p"], inputs=["da"], delay="h", params=late)
+    with pytest.warns(mf.ModfunWarning, match="h ended on a bound"):
+        fit = mf.fit(rec, model)
+    assert not any("failed" in text for text in fit.check())
+    fit.save(tmp_path / "fit.json")
+    assert mf.load(tmp_path / "fit.json").damp()["omega"] == pytest.approx(9.0, rel=0.03)
