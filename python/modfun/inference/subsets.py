@@ -168,7 +168,7 @@ class Subsets:
     def _polish(self, chosen: Any) -> None:
         """Exchanges, one candidate for another, until none lowers the criterion."""
         mask, table = self._swept(chosen)
-        value = self._values(mask[None], table[None])[0]
+        value, seen = self._values(mask[None], table[None])[0], {mask.tobytes()}
         while True:
             others = np.flatnonzero(mask & ~self.keep)
             masks = np.vstack([mask, np.repeat(mask[None], others.size, axis=0)])
@@ -181,8 +181,12 @@ class Subsets:
             masks, tables, values = self._next(masks, tables, may)
             if not values.size or values[0] >= value - SAME * max(self.penalty.max(), 1e-300):
                 return
-            # Falls at every step, also where rounding makes the new table's value another.
+            # Falls at every step, also where rounding makes the new table's value another. Beside costs of
+            # records without noise, 1e12 times the penalties, rounding alone may fall in circles.
             mask, table, value = masks[0], tables[0], values[0]
+            if mask.tobytes() in seen:
+                return
+            seen.add(mask.tobytes())
 
     def _exchange(self, chosen: Any) -> None:
         """The best pair in place of each candidate, and the best single one in place of each pair.

@@ -119,3 +119,16 @@ def test_what_is_refused_names_the_way_that_works() -> None:
         mf.select_terms(counts(0), "S, I", noise="log-normal")
     with pytest.raises(mf.SpecError, match=r"target=\[\"S' - I\", \"I'\"\]"):
         mf.select_terms(counts(0), {"S' - I": "S", "I'": "I"})
+
+
+def test_records_without_noise_end_the_search():
+    """Costs are 1e12 times the penalties there, and exchanges that rounding makes better went in circles."""
+    found = solve_ivp(
+        lambda t, x: [x[1], 2 * (1 - x[0] ** 2) * x[1] - x[0]], (0, 20), [1.5, 0.3], dense_output=True,
+        rtol=1e-10, atol=1e-10, method="DOP853",
+    )  # fmt: skip
+    y = found.sol(np.linspace(0, 20, 1001))
+    rec = mf.Record(y=y, dt=0.02, outputs=["x", "v"])
+    chosen = mf.select_terms(rec, "polynomials of x, v up to 3", progress=False)
+    assert dict(chosen.terms) == {"x'": ("v",), "v'": ("x", "v", "x**2*v")}
+    assert chosen.fit.params == pytest.approx([1, -1, 2, -2], abs=1e-3)
