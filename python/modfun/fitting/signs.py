@@ -59,7 +59,8 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     least norm is taken, which has o within half a turn. A start above 0 tells the sign before all others.
     """
     words: Any = fit.layout.formulas.words
-    free, above = untold(words), np.array([start is not None and start > 0 for start in words["starts"]])
+    free = untold(words)
+    above = np.array([start is not None and start > 0 for start in words["starts"]], dtype=bool)
 
     def below(x: F64) -> tuple[int, int]:
         return int(np.sum(x[above] < 0)), int(np.sum(x[free] < 0))
@@ -123,7 +124,7 @@ def _turned(
 def untold(words: Any) -> Any:
     """Which parameters have neither a start nor a lower bound, and may be positive."""
     told = zip(words["starts"], words["bounds"], strict=True)
-    return np.array([start is None and low == -inf and high > 0 for start, (low, high) in told])
+    return np.array([start is None and low == -inf and high > 0 for start, (low, high) in told], dtype=bool)
 
 
 def as_written(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFit:
