@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.cached import kept
 from ..errors import ModfunError
+from ..models.options import Options
 from ..records.record import Record
 from .cures import STRONG, again, furthest, on_band
 from .doubts import Doubt, noise_free
@@ -19,14 +21,15 @@ __all__ = ["misweighted", "multiplied"]
 COUNTED, IN_PROPORTION = 0.5, 1.0  # powers of the level that noise goes with: of counts, and of scales
 WIDE = 10.0  # times its least sample that an output reaches, where it matters which of these it is
 RISES = 2.0  # by how much third differences of its upper half are larger than those of its lower half
+FEW, LIKELIER = 64, 10.0  # samples of all records, and by which -2 log likelihood falls beside so many
 CERTAIN = 20.0  # by which -2 log likelihood falls: chance does that to one record of 100,000
 OTHER = 1.25  # errors over those of the cure, or these over the former: another interval
 FOLLOWS = 3.0  # standard deviations of the lag-one correlation of white noise
 
 
 def misweighted(fit: Estimates) -> Doubt | None:
-    """The same, of outputs that equations divide by or take logarithms of, where it is beyond doubt."""
-    if fit.layout.rational or not _may_rise(fit.records or ()) or not _divides(fit):
+    """The same, of few samples or outputs that equations divide by, where it is beyond doubt."""
+    if fit.layout.rational or not (_is_few(fit) or (_may_rise(fit.records or ()) and _divides(fit))):
         return None
     found = multiplied(fit)
     return found if found and found.sure else None
@@ -38,6 +41,8 @@ def multiplied(fit: Estimates) -> Doubt | None:
 
     Beyond doubt where the equations divide by outputs or take their logarithms, so that the lines are
     weighted by what an even noise would do there, the other fit leaves white noise, and intervals change.
+    A dozen samples over decades, as of growth, are fitted at the high ones alone by an even noise: what this
+    leaves of the low ones says nothing of their noise, and the other fit is made in any case.
     """
     records, plain = fit.records or (), fit.options.noise == "output"
     if fit.layout.rational or not plain or not _above_zero(records):
@@ -45,12 +50,12 @@ def multiplied(fit: Estimates) -> Doubt | None:
     before = _simulated(fit)
     if before is None or noise_free(fit) is not None:
         return None
-    divided, even = _divides(fit), _criterion(records, before, 0.0)
-    needed = CERTAIN if divided else STRONG
+    few, divided, even = _is_few(fit), _divides(fit), _criterion(records, before, 0.0)
+    needed = LIKELIER if few else CERTAIN if divided else STRONG
     powers = (IN_PROPORTION, COUNTED) if divided else (IN_PROPORTION,)
-    if not even - min(_criterion(records, before, power) for power in powers) > needed:
+    if not (few or even - min(_criterion(records, before, power) for power in powers) > needed):
         return None
-    weighted = [found for power in powers if (found := _weighted(fit, power)) is not None]
+    weighted = [found for power in powers for found in _weighted(fit, power)]
     if not weighted:
         return None
     other, after, power = min(weighted, key=lambda one: _criterion(records, *one[1:]))
@@ -61,11 +66,15 @@ def multiplied(fit: Estimates) -> Doubt | None:
         f"The noise goes with {what}. First try {cure}, of outputs above zero: -2 log likelihood of the "
         f"samples beside the simulated response falls by {gain:.3g}"
     )
-    if not (divided and _is_white(records, after, power) and _changes(fit, other)):
+    certain = (divided or few) and gain > CERTAIN
+    if not (certain and _is_white(records, after, power) and _changes(fit, other)):
         return Doubt(text + ".", sure=False)
     name, was, now, _ = furthest(fit, other)
+    text = f"{text}, and {name} becomes {now} (was {was})."
+    if few:
+        return Doubt(text)
     return Doubt(
-        f"{text}, and {name} becomes {now} (was {was}). The equations divide by an output or take its "
+        f"{text} The equations divide by an output or take its "
         'logarithm: standard errors for even noise do not hold, those of cov_type="HC3" nearly do.'
     )
 
@@ -81,6 +90,15 @@ def _above_zero(records: tuple[Record, ...]) -> bool:
     return bool(records) and not any(
         rec.mask is not None or rec.sigma is not None or np.any(rec.y <= 0) for rec in records
     )
+
+
+def _is_few(fit: Estimates) -> bool:
+    """Whether a fit has few samples, all above zero, that span much."""
+    records = fit.records or ()
+    if not _above_zero(records):
+        return False
+    wide = all([np.all(rec.y.max(axis=1) > WIDE * rec.y.min(axis=1)) for rec in records])
+    return wide and sum([rec.y.size for rec in records]) <= FEW
 
 
 def _may_rise(records: tuple[Record, ...]) -> bool:
@@ -113,16 +131,23 @@ def _divides(fit: Estimates) -> bool:
     return any(one.free_symbols & outputs for one in (*logs, *below))
 
 
-def _weighted(fit: Estimates, power: float) -> tuple[Estimates, list[F64], float] | None:
-    """The fit with the noise that goes with such a power of the level, and its responses."""
-    records, options = fit.records or (), on_band(fit, fit.band)
+def _weighted(fit: Estimates, power: float) -> Iterator[tuple[Estimates, list[F64], float]]:
+    """Fits with the noise that goes with such a power of the level, and their responses.
+
+    Few samples are weighed by their size, too: sums over these may not fit their logarithms.
+    """
+    records, options, few = fit.records or (), on_band(fit, fit.band), _is_few(fit)
+    ways: list[tuple[tuple[Record, ...], Options]] = []
     if power == IN_PROPORTION:
-        options = options.replace(noise="log-normal")
-    else:
-        records = tuple([rec.weigh(sigma=np.sqrt(rec.y)) for rec in records])
-    other = again(fit, records, fit.structure, options)
-    simulated = _simulated(other) if other is not None and other.success else None
-    return None if other is None or simulated is None else (other, simulated, power)
+        ways.append((records, options.replace(noise="log-normal")))
+    if power != IN_PROPORTION or few:
+        weighed = tuple([rec.weigh(sigma=rec.y**power) for rec in records])
+        ways.append((weighed, fit.options if few else options))
+    for told, how in ways:
+        other = again(fit, told, fit.structure, how)
+        simulated = _simulated(other) if other is not None and other.success else None
+        if other is not None and simulated is not None:
+            yield other, simulated, power
 
 
 def _simulated(fit: Estimates) -> list[F64] | None:
