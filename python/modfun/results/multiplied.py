@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
@@ -10,7 +9,6 @@ import numpy as np
 from ..base.arrays import F64
 from ..base.cached import kept
 from ..errors import ModfunError
-from ..models.options import Options
 from ..records.record import Record
 from .cures import STRONG, again, furthest, on_band
 from .doubts import Doubt, noise_free
@@ -55,7 +53,7 @@ def multiplied(fit: Estimates) -> Doubt | None:
     powers = (IN_PROPORTION, COUNTED) if divided else (IN_PROPORTION,)
     if not (few or even - min(_criterion(records, before, power) for power in powers) > needed):
         return None
-    weighted = [found for power in powers for found in _weighted(fit, power)]
+    weighted = [found for power in powers if (found := _weighted(fit, power)) is not None]
     if not weighted:
         return None
     other, after, power = min(weighted, key=lambda one: _criterion(records, *one[1:]))
@@ -131,23 +129,21 @@ def _divides(fit: Estimates) -> bool:
     return any(one.free_symbols & outputs for one in (*logs, *below))
 
 
-def _weighted(fit: Estimates, power: float) -> Iterator[tuple[Estimates, list[F64], float]]:
-    """Fits with the noise that goes with such a power of the level, and their responses.
+def _weighted(fit: Estimates, power: float) -> tuple[Estimates, list[F64], float] | None:
+    """The fit with the noise that goes with such a power of the level, and its responses.
 
-    Few samples are weighed by their size, too: sums over these may not fit their logarithms.
+    Few samples are weighed by their size where sums do not fit their logarithms, or not on that band.
     """
-    records, options, few = fit.records or (), on_band(fit, fit.band), _is_few(fit)
-    ways: list[tuple[tuple[Record, ...], Options]] = []
-    if power == IN_PROPORTION:
-        ways.append((records, options.replace(noise="log-normal")))
-    if power != IN_PROPORTION or few:
-        weighed = tuple([rec.weigh(sigma=rec.y**power) for rec in records])
-        ways.append((weighed, fit.options if few else options))
-    for told, how in ways:
+    records, options = fit.records or (), on_band(fit, fit.band)
+    weighed = tuple([rec.weigh(sigma=rec.y**power) for rec in records])
+    logs = power == IN_PROPORTION
+    ways = [(records, options.replace(noise="log-normal")) if logs else (weighed, options)]
+    for told, how in [*ways, *[(weighed, fit.options)] * _is_few(fit)]:
         other = again(fit, told, fit.structure, how)
         simulated = _simulated(other) if other is not None and other.success else None
         if other is not None and simulated is not None:
-            yield other, simulated, power
+            return other, simulated, power
+    return None
 
 
 def _simulated(fit: Estimates) -> list[F64] | None:

@@ -1,7 +1,8 @@
-"""Residuals of a response that follow each other from sample to sample: a part of the motion is missing."""
+"""Residuals of few samples in time: records that disagree, and a part of the motion that is missing."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import log, sqrt
 from typing import Any
 
@@ -22,6 +23,8 @@ UNLIKELY, RARE = 0.01, 0.002  # p-values of the test over all outputs below whic
 MOST = 400  # samples that count; of more, lines tell as much
 BISECTIONS = 200
 
+Part = list[tuple[F64, F64]]  # residuals of each record, and their slopes (unknown, sample)
+
 
 def in_samples(fit: Estimates) -> bool:
     """Whether residuals of a fit are judged in time: of few uneven samples, that led it by their response.
@@ -40,7 +43,10 @@ def serial(fit: Estimates) -> Doubt | None:
     With a dozen samples no other test has power: lines are few, and no high band shows the noise.
     """
     try:
-        tests = [durbin_watson(*_of_output(fit, i)) for i in range(len(fit.outputs))]
+        parts = [_of_output(fit, i) for i in range(len(fit.outputs))]
+        if apart := _disagreeing(fit, parts):
+            return apart
+        tests = [durbin_watson([e for e, _ in part], _common(part, fit.params.size)) for part in parts]
     except (ModfunError, np.linalg.LinAlgError):
         return None
     p = [len(tests) * own for _, own in tests]
@@ -110,9 +116,9 @@ def _below(weights: F64) -> float:
     return float(ndtr(w + log(v / w) / w))
 
 
-def _of_output(fit: Any, i: int) -> tuple[list[F64], F64]:
-    """Residuals of an output of each record where samples count, and slopes of all, in units of the noise."""
-    residual, parts = [], []
+def _of_output(fit: Any, i: int) -> Part:
+    """Residuals of an output of each record where samples count, and their slopes, in units of the noise."""
+    parts = []
     p, logs = fit.params.size, fit.options.noise == "log-normal"
     for rec, level in zip(fit.records, fit.noise_levels, strict=True):
         simulated, start = fit.simulate(rec)
@@ -120,21 +126,63 @@ def _of_output(fit: Any, i: int) -> tuple[list[F64], F64]:
         if fit.options.initial_state != "unknown":
             each = np.delete(each, np.s_[p : p + start.state.size], axis=0)
         weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)[i]
-        counts = weights > 0
+        counts = (weights > 0) & (not logs or (simulated[i] > 0) & (rec.y[i] > 0))
         model, y, weights = simulated[i, counts], rec.y[i, counts], weights[counts] / level[i]
-        if logs:
-            keep = (model > 0) & (y > 0)
-            counts = np.flatnonzero(counts)[keep]
-            model, y, weights = model[keep], y[keep], weights[keep] / model[keep]
-            residual.append(np.log(y / model) * weights * model)
-        else:
-            residual.append((y - model) * weights)
-        parts.append(each[:, counts] * weights)
-    columns = np.zeros((p + sum([len(own) - p for own in parts]), sum([own.size for own in residual])))
-    row, at = p, 0
-    for own in parts:  # initial states and trends are those of one record
-        end = at + own.shape[1]
-        columns[:p, at:end] = own[:p]
-        columns[row : row + len(own) - p, at:end] = own[p:]
-        row, at = row + len(own) - p, end
-    return residual, columns
+        off, over = (np.log(y / model), weights / model) if logs else (y - model, weights)
+        parts.append((off * weights, each[:, counts] * over))
+    return parts
+
+
+def _common(parts: Part, p: int) -> F64:
+    """Slopes (unknown, sample) of all records: to parameters, and to the initial state and trend of each."""
+    first = np.concatenate([each[:p] for _, each in parts], axis=1)
+    return np.concatenate([first, _apart([(e, each[p:]) for e, each in parts])])
+
+
+def _apart(parts: Part) -> F64:
+    """The same where each record has unknowns of its own."""
+    found = np.zeros((sum([len(each) for _, each in parts]), sum([e.size for e, _ in parts])))
+    row = at = 0
+    for _, each in parts:
+        found[row : row + len(each), at : at + each.shape[1]] = each
+        row, at = row + len(each), at + each.shape[1]
+    return found
+
+
+def _disagreeing(fit: Estimates, parts: Sequence[Part]) -> Doubt | None:
+    """That records have parameters of their own, as subjects have: an F test of one step to these."""
+    from scipy.special import fdtrc
+
+    p, records = fit.params.size, range(len(fit.records or ()))
+    if len(records) < 2 or not p:
+        return None
+    rows = [(np.concatenate([e for e, _ in each]), each) for each in zip(*parts, strict=True)]
+    own = [(e, np.concatenate([columns for _, columns in each], axis=1)) for e, each in rows]
+    e = np.concatenate([one for one, _ in own])
+    (together, few), (alone, many) = (_left(e, columns) for columns in (_common(own, p), _apart(own)))
+    freedom = e.size - many
+    if freedom < 1 or many == few:
+        return None
+    chance = float(fdtrc(many - few, freedom, (together - alone) / (many - few) / (alone / freedom)))
+    if not chance < UNLIKELY:
+        return None
+    steps = np.array([np.linalg.lstsq(columns.T, one, rcond=None)[0][:p] for one, columns in own])
+    at = int(np.argmax(np.ptp(steps, axis=0) / np.maximum(fit.bse, 1e-300)))
+    low, high = int(np.argmin(steps[:, at])), int(np.argmax(steps[:, at]))
+    values = fit.params[at] + steps[:, at]
+    return Doubt(
+        f"The records disagree on the parameters (p = {chance:.2g}): {fit.param_names[at]} is about "
+        f"{values[low]:.3g} in record {low} and {values[high]:.3g} in record {high}, as of different "
+        "subjects or conditions. Standard errors count the noise alone, not what differs between records. "
+        "First fit each by itself, mf.fit_many(records, model) with the same options, and compare.",
+        sure=chance < RARE,
+    )
+
+
+def _left(e: F64, columns: F64) -> tuple[float, int]:
+    """Sum of squares that least squares on the columns leaves, and how many of these differ."""
+    size = np.linalg.norm(columns, axis=1)
+    x = columns[size > 0] / size[size > 0, None]
+    basis, singular, _ = np.linalg.svd(x.T, full_matrices=False)
+    basis = basis[:, singular > 1e-9]
+    return float(np.sum((e - basis @ (basis.T @ e)) ** 2)), basis.shape[1]

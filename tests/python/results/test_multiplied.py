@@ -70,3 +70,21 @@ def test_counts_whose_equation_takes_logarithms_are_the_one_warning(cases, seed)
 @pytest.mark.parametrize("seed", range(5))
 def test_even_noise_beside_logarithms_is_no_warning(cases, seed):
     assert not warned(cases[8:50] + 10 * np.random.default_rng(seed).standard_normal(42))
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("even", [False, True])
+def test_growth_over_three_decades_shows_noise_in_proportion(seed: int, even: bool) -> None:
+    """Fifteen samples of 12 % noise: the default was 5 errors off in silence. None of 60 with even noise."""
+    t = np.array([0, 2, 4, 6, 7, 9, 11, 13, 14, 16, 18, 20, 23, 25, 28.0])
+    clean = 50 * np.exp(0.9 / 0.12 * (1 - np.exp(-0.12 * t)))
+    e = np.random.default_rng(seed).standard_normal(t.size)
+    rec = mf.Record(y=np.maximum(clean + 8 * e, 5) if even else clean * np.exp(0.12 * e), t=t, outputs=["V"])
+    model = mf.Equation(
+        "V' = b*V*log(K/V)", outputs=["V"], params={"b": mf.Free(0.2, min=0), "K": mf.Free(5e4, min=1)}
+    )
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        mf.fit(rec, model)
+    said = " ".join(str(one.message) for one in seen)
+    assert ('First try noise="log-normal"' in said) != even
