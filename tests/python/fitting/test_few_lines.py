@@ -31,12 +31,13 @@ def test_estimates_are_no_many_errors_off(samples: int, noise: float, most: floa
 
 
 @pytest.mark.parametrize("seed", [0, 5, 14, 58])
-def test_a_search_that_ends_where_the_denominator_is_negative_gives_way(seed: int) -> None:
+def test_no_search_ends_where_the_denominator_is_negative(seed: int) -> None:
     """K was -3.3 to -4.2, 11 to 14 standard errors off."""
     fit = mf.fit(decay(seed, 30, 0.3), DECAY)
     assert fit.success
     assert fit["K"] == pytest.approx(2.0, abs=1.0)
-    assert "narrowed, as the search fails beyond" in str(fit.summary())
+    low, high = fit.conf_int()[fit.param_names.index("K")]
+    assert low < 2.0 < high
 
 
 def test_many_fits_have_the_errors_of_single_ones() -> None:
