@@ -74,6 +74,7 @@ from .origin import LEAST_GAIN, smaller_errors
 from .powers import not_linear
 from .runaway import runaway
 from .serial import in_samples, serial
+from .short_pulses import short_pulse
 from .slow_inputs import slow_input
 from .slow_noise import slow_noise
 from .slow_poles import slow_pole
@@ -329,9 +330,9 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, hidden_by_start,
-    acts_by_lag, late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, driven_loop,
-    coloured_load, eliminated, not_linear, unexplained, missing_states, one_cause, flips, other_signs,
-    other_minimum, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
+    acts_by_lag, late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, short_pulse,
+    driven_loop, coloured_load, eliminated, not_linear, unexplained, missing_states, one_cause, flips,
+    other_signs, other_minimum, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.

@@ -1,0 +1,75 @@
+"""Inputs that are a pulse of few samples, such as a hammer's: their area, and so gains, are known badly."""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+
+import numpy as np
+
+from ..base.arrays import F64
+from .doubts import Doubt
+from .estimates import Estimates
+
+__all__ = ["short_pulse"]
+
+ACTIVE = 0.05  # of the peak, from which a sample is one of a pulse
+TALL = 0.3  # of the highest peak: smaller pulses carry little
+FEW = 0.02  # of all samples are in pulses, at most: others are no hits
+LONGEST = 40  # samples of a pulse whose area may be wrong by 0.05 %
+HALF_SINE = pi**2 / 12  # over the square of its intervals: how far the sum is off from the area, at most
+FACTOR = 3.0  # times the standard error of the gains, beyond which a fit warns
+
+
+def short_pulse(fit: Estimates) -> Doubt | None:
+    """That gains have errors from what an input does between the few samples of a pulse.
+
+    A half-sine that begins between two samples has an area up to 5 % beside that of 4 samples, 1.3 % of 8.
+    """
+    if not fit.layout.rational or not fit.records or not fit.usable:
+        return None
+    for j, name in enumerate(fit.inputs):
+        found = [
+            _pulses(rec.u[j]) for rec in fit.records if rec.intersample[j] != "zoh" and not rec.functions
+        ]
+        intervals = np.concatenate([own for own in found if own is not None] or [np.zeros(0)])
+        if len(found) < len(fit.records) or any([own is None for own in found]) or not intervals.size:
+            continue
+        off = HALF_SINE * sqrt(float(np.mean(intervals**-4.0)) / intervals.size)
+        known = _of_scale(fit, name)
+        if known is None or not off > known:
+            continue
+        samples = max(round(float(np.median(intervals))), 1)
+        pulses = "pulses" if intervals.size > 1 else "pulse"
+        lasts = "last" if intervals.size > 1 else "lasts"
+        return Doubt(
+            f"The {pulses} of {name} {lasts} about {samples} samples, and what {name} is between these is "
+            f"not known: the area may be {100 * off:.2g} % off, and so may the gains, whose standard errors "
+            f"say {100 * known:.2g} %. Poles are not affected. First sample so fast that a pulse has some 30 "
+            f"samples, or low-pass filter {name} and the outputs alike before they are sampled.",
+            sure=off > FACTOR * known,
+        )
+    return None
+
+
+def _pulses(u: F64) -> F64 | None:
+    """Intervals of each tall pulse of an input that is nothing else; None where it is more than that."""
+    away = np.abs(u - np.median(u))
+    peak = float(away.max(initial=0.0))
+    active = away > ACTIVE * peak
+    if not peak > 0 or not 0 < np.mean(active) < FEW:
+        return None
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], active, [False]]).astype(int)))
+    runs = [(a, b) for a, b in edges.reshape(-1, 2) if away[a:b].max() > TALL * peak]
+    lengths = np.array([b - a + 0.5 for a, b in runs])
+    return lengths if lengths.max() < LONGEST else None
+
+
+def _of_scale(fit: Estimates, name: str) -> float | None:
+    """Relative standard error of all gains of an input together; None where they have none."""
+    of = f",{name}]" if len(fit.inputs) > 1 else ""
+    at = [k for k, own in enumerate(fit.param_names) if own.startswith("b") and own.endswith(of)]
+    gains, cov = fit.params[at], fit.cov_params()[np.ix_(at, at)]
+    if not at or not np.all(np.diag(cov) > 0):
+        return None
+    weight = float(gains @ np.linalg.pinv(cov) @ gains)
+    return weight**-0.5 if weight > 0 else None
