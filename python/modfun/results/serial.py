@@ -92,8 +92,10 @@ def durbin_watson(residual: list[F64], columns: F64) -> tuple[float, float]:
         step = np.diff(np.eye(own.size), axis=0)
         squares[at : at + own.size, at : at + own.size] = step.T @ step
         at += own.size
-    found = float(e @ squares @ e / (e @ e))
-    return found, _below(np.linalg.eigvalsh(rest.T @ squares @ rest) - found)
+    # Parameters that other outputs decide, too, leave more of the noise than the columns of this one would.
+    own, within = rest.T @ e, rest.T @ squares @ rest
+    found = float(own @ within @ own / (own @ own))
+    return found, _below(np.linalg.eigvalsh(within) - found)
 
 
 def _below(weights: F64) -> float:
@@ -120,10 +122,11 @@ def _of_output(fit: Any, i: int) -> Part:
     """Residuals of an output of each record where samples count, and their slopes, in units of the noise."""
     parts = []
     p, logs = fit.params.size, fit.options.noise == "log-normal"
+    zero = fit.options.initial_state == "zero"
     for rec, level in zip(fit.records, fit.noise_levels, strict=True):
-        simulated, start = fit.simulate(rec)
+        simulated, start = fit.simulate(rec, "zero" if zero else None)
         each = slopes(fit, rec, start)[:, i]
-        if fit.options.initial_state != "unknown":
+        if zero:
             each = np.delete(each, np.s_[p : p + start.state.size], axis=0)
         weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)[i]
         counts = (weights > 0) & (not logs or (simulated[i] > 0) & (rec.y[i] > 0))

@@ -303,7 +303,7 @@ def _found(problem: _Problem, points: Sequence[F64], maxiter: int, pieces: int) 
 
 
 def _starts(problem: _Problem, start: Mapping[str, float] | None) -> list[F64]:
-    """The given parameters, or the one-shot estimates."""
+    """The given parameters, or the one-shot estimates and where the model's own parameters begin."""
     if start is not None:
         missing, more = set(problem.names) - set(start), set(start) - set(problem.names)
         if missing or more:
@@ -312,7 +312,9 @@ def _starts(problem: _Problem, start: Mapping[str, float] | None) -> list[F64]:
                 f"output_error: start= {said}; give {', '.join(problem.names)}, all and only these"
             )
         return [reals("output_error", "start", [start[name] for name in problem.names])]
-    points: list[F64] = []
+    told = dict(getattr(problem.model, "params", ()))
+    begun = [getattr(told.get(name), "start", None) for name in problem.names]
+    points: list[F64] = [] if None in begun else [np.array(begun, float)]
     joint = isinstance(problem.model, TransferFunction)  # several outputs have no one-shot estimate
     for method in ("awls",) if joint else ("wls", "ls"):
         try:

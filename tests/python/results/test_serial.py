@@ -67,7 +67,7 @@ def test_second_compartment_is_missed():
 
 def test_several_subjects_are_one_test():
     truth = TWO.model({**TRUE, "k12": 0.4, "k21": 0.2})
-    _, said = fitted(*[subject(truth, seed, 0.15) for seed in (1, 2, 3)])
+    _, said = fitted(*[subject(truth, seed, 0.1) for seed in (1, 2, 3)])
     assert "follow each other from sample to sample" in said
 
 

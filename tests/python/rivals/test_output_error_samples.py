@@ -73,3 +73,15 @@ def test_outputs_that_are_masked_at_different_samples_are_refused():
     rec = mf.Record(y=y, dt=0.1, outputs=["x", "z"], mask=mask)
     with pytest.raises(mf.errors.DataError, match="1 masked samples"):
         output_error(both, start={"a": 1.0, "b": 1.0})(rec)
+
+
+def test_the_starts_of_a_model_are_starts():
+    """Sums begin Michaelis and Menten's law at a finite escape from 21 samples: 20 of 20 had no start."""
+    told = {"V": mf.Free(1, min=0), "K": mf.Free(3, min=0)}
+    law = mf.Equation("y' = -V*y/(K + y)", params=told)
+    t = np.arange(0, 10.1, 0.5)
+    clean = law.model({"V": 2.0, "K": 5.0}).simulate(t=t, initial_state=[10.0]).ravel()
+    for seed in range(4):
+        rec = mf.Record(y=clean + 0.05 * np.random.default_rng(seed).standard_normal(t.size), t=t)
+        found = mf.rivals.output_error(law)(rec)
+        assert abs(found["K"] - 5.0) < 4 * found.bse["K"]
