@@ -27,6 +27,7 @@ from ..results.doubts import noise_free
 from ..results.of_equations import EquationFit
 from ..results.refits import AWAY, ran_away
 from .arguments import sensible
+from .astray import settled_levels
 from .centred import centred_starts
 from .delay_starts import delay_starts
 from .few_lines import at_least_white
@@ -285,8 +286,8 @@ def _sought(
     def fitted(ys: list[F64], learn: bool = True) -> EquationFit:
         shown = seen if levels is None else list(levels)
         learns = learn and learnt
-        given = (structure, options, records, spread, shown, learns, starts, within, bool(len(less)))
-        made = prepare_equation(*given, near, own_noise)
+        given = (records, spread, shown, learns, starts, within, bool(len(less)))
+        made = prepare_equation(structure, options, *given, near, own_noise)
         rows = [
             layout.formulas.rows(y, driving(rec), rec.t, record=k)
             for k, (rec, y) in enumerate(zip(records, ys, strict=True))
@@ -294,14 +295,19 @@ def _sought(
         _refuse_not_finite(layout, rows)
         for more in ([own.rows for own in each], less):
             rows = [np.vstack(both) for both in zip(rows, more, strict=True)] if len(more) else rows
+
+        def counted(options: Options) -> dict[str, Any]:
+            return _counted(prepare_equation(structure, options, *given, own_noise=own_noise), rows)
+
         found = _counted(made, rows)
         if near and found["status"] != "ok":
-            made = prepare_equation(*given, own_noise=own_noise)
-            found = _counted(made, rows)
+            found = counted(options)
+        made = replace(made, layout=layout)  # that of `less` has a signal more
+        if learns and options.noise == "output" and options.band is None and options.harmonics is None:
+            found = settled_levels(found, lambda band: counted(options.replace(band=band)))
         for k, own in enumerate(each):  # levels are those of the usual sample
             for name in ("levels", "seen"):
                 found[name][k, : len(own.usual)] *= own.usual
-        made = replace(made, layout=layout)  # that of `less` has a signal more
         return _of_found(found, structure, made, options, records, blurred, again)
 
     outputs = [y for _, y, _, _ in filled]
