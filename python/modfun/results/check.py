@@ -249,15 +249,18 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
     options = fit.options.replace(reference=(name,), initial_state="unknown")
     others = tuple([look for look in LOOKS if look is not uncertain_poles])
     # In slow disturbances a loop's record is bad without weights, too, and the search may not settle.
-    fits = [
+    plain, in_colour = (
         again(fit, fit.records, fit.structure, own) if fit.again else None
         for own in (options, options.replace(noise="coloured"))
-    ]
-    plain, in_colour = (one if one and not warnings_of(one, others) else None for one in fits)
-    if plain or in_colour:
-        pays = in_colour and not (plain and smaller_errors(plain, in_colour) <= LEAST_GAIN)
+    )
+    in_colour = in_colour if in_colour and not warnings_of(in_colour, others) else None
+    pays = in_colour and not (plain and smaller_errors(plain, in_colour) <= LEAST_GAIN)
+    # Of a fit that leaves slow noise its own cures take long, and where weights pay nobody needs to know.
+    if pays or (plain and not warnings_of(plain, others)):
         colour = ', noise="coloured"' if pays else ""
         return f'First fit with the command of the loop, reference="{name}"{free}{colour}.'
+    if in_colour:
+        return f'First fit with the command of the loop, reference="{name}"{free}, noise="coloured".'
     if otherwise:
         return f'{otherwise}, and fit with reference="{name}"{free}.'
     if slow := _slow(fit):

@@ -224,8 +224,7 @@ def _near_by(fit: Estimates) -> tuple[Any, dict[str, Any], float]:
     """Records to which candidates are fitted, how, and what BIC of the fit made so again lacks of its own.
 
     Outputs are without what sampling folds, as the fit told, and nonlinear equations without what they leave
-    of its response: to simulate each candidate took more than half of the time, 50 s with two delays.
-    Neither are terms beside linear equations from whose outputs nothing was taken.
+    of its response: to simulate each candidate took 50 s. So are linear ones from which nothing was taken.
     """
     layout: Any = fit.layout
     even = all([rec.dt is not None for rec in fit.records or ()])
@@ -234,9 +233,8 @@ def _near_by(fit: Estimates) -> tuple[Any, dict[str, Any], float]:
     if even and not (getattr(fit, "unfolded", ()) or getattr(fit, "unsettled", True) or fit.with_past):
         return fit.records, {"unfolded": True}, 0.0
     unfolded = layout.compiled.is_linear and not fit.with_past and getattr(fit, "unfolded", ())
-    same = None
-    if unfolded:
-        same = again(fit, unfolded, fit.structure, on_band(fit, fit.band), near=True, unfolded=True)
+    options = on_band(fit, fit.band)
+    same = again(fit, unfolded, fit.structure, options, near=True, unfolded=True) if unfolded else None
     if same is None:
         return fit.records, {}, 0.0
     return unfolded, {"unfolded": True}, bic_beside(fit, fit) - bic_beside(same, fit)
@@ -372,9 +370,8 @@ def with_drift(fit: Estimates) -> Cure | None:
     if fit.again is None or fit.records is None:
         return None
     other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"), near=True)
-    if other is None:
-        return None
-    return Cure(DRIFT, bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
+    before = bic_beside(fit, fit)
+    return None if other is None else Cure(DRIFT, before, bic_beside(other, fit), level_p(other))
 
 
 def on_band(fit: Estimates, band: tuple[float, float]) -> Options:
@@ -428,7 +425,11 @@ def _from_sample(fit: Estimates, late: tuple[int, ...]) -> Estimates | None:
         cut = [rec.window(rec.t[n], rec.t[-1]) for rec, n in zip(fit.records or (), late, strict=True)]
     except ModfunError:
         return None
-    return again(fit, tuple(cut), fit.structure, on_band(fit, fit.band))
+    _, how, apart = ((), {}, 0.0) if fit.layout.rational else _near_by(fit)
+    if how and not apart:  # as the candidates
+        less = [own[..., n:] for own, n in zip(how.get("less", ()), late, strict=False)]
+        how = how | {"near": True, "less": less}
+    return again(fit, tuple(cut), fit.structure, on_band(fit, fit.band), **({} if apart else how))
 
 
 def furthest(fit: Estimates, other: Estimates) -> tuple[str, str, str, float]:

@@ -251,7 +251,10 @@ def with_constant(fit: Estimates) -> Estimates | None:
     if fit.again is None or fit.records is None:
         return None
     options = on_band(fit, fit.band).replace(trend="constant")
-    other = again(fit, fit.records, fit.structure, options, near=_is_near(fit))
+    near = _is_near(fit)
+    other = again(fit, fit.records, fit.structure, options, near=near)
+    if other is None and not fit.layout.rational:  # what sampling folds may have taken the work
+        other = again(fit, fit.records, fit.structure, options, near=near, unfolded=True)
     return other if other is not None and other.params.shape == fit.params.shape else None
 
 

@@ -73,11 +73,13 @@ def _with_noise_inside(fit: Estimates) -> Estimates | None:
         return None
     if noise == "process":
         return fit if fit.process_levels is not None else None
+    if linear_of(fit) is None:
+        return None  # before cures, which take long
     if noise == "output":  # of one equation all terms are tried, and the one that is missing is named
         beyond = len(fit.outputs) > 1 and level_p(fit) < SURE and noise_free(fit) is None and not _cured(fit)
     else:
         beyond = noise == "coloured" and _above(fit)
-    return beside_turbulence(fit) if beyond and linear_of(fit) is not None else None
+    return beside_turbulence(fit) if beyond else None
 
 
 def _cured(fit: Estimates) -> bool:
