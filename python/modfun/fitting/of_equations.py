@@ -315,7 +315,7 @@ def _sought(
     held = any(["zoh" in rec.intersample for rec in records])
     told = fitted(outputs, learn=False) if quiet and held else None
     fit = told if told and told.success and noise_free(told) else fitted(outputs)
-    if quiet and not fit.success:  # a level ran away, so that its output counted for nothing
+    if quiet and not (fit.success and _holds(fit, records)):  # an output counts for nothing
         told = told or fitted(outputs, learn=False)
         fit = told if told.success else fit
     elif learns and fit.success and _at_the_cost_of_others(fit, records, order):
@@ -411,6 +411,12 @@ def _correlations(found: dict[str, Any], outputs: int) -> F64:
     channels = isqrt(each.shape[1])
     each = each.reshape(-1, channels, channels)
     return each[:, :outputs, :outputs]
+
+
+def _holds(fit: EquationFit, records: Sequence[Record]) -> bool:
+    """Whether no level ran away: noise is no larger than what an output moves by."""
+    scatter = np.array([np.ptp(rec.y, axis=1) for rec in records])
+    return bool(np.all(fit.levels[:, : scatter.shape[1]] < scatter))
 
 
 def _seen(records: Sequence[Record], layout: EquationLayout) -> list[float] | None:

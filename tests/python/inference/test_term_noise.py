@@ -132,3 +132,18 @@ def test_records_without_noise_end_the_search():
     chosen = mf.select_terms(rec, "polynomials of x, v up to 3", progress=False)
     assert dict(chosen.terms) == {"x'": ("v",), "v'": ("x", "v", "x**2*v")}
     assert chosen.fit.params == pytest.approx([1, -1, 2, -2], abs=1e-3)
+
+
+@pytest.mark.parametrize("seed", [0, 8])
+def test_levels_of_records_without_noise_do_not_run_away(seed):
+    """One level went to 1e15 and its equation to 0 = 0, with status "ok": c2 was 0 instead of -0.5."""
+    found = solve_ivp(
+        lambda t, x: [x[0] - 0.5 * x[0] * x[1], 0.4 * x[0] * x[1] - x[1]], (0, 20),
+        np.random.default_rng(seed).uniform(1, 4, 2),
+        dense_output=True, rtol=1e-10, atol=1e-12, method="DOP853",
+    )  # fmt: skip
+    rec = mf.Record(y=found.sol(np.linspace(0, 20, 401)), dt=0.05, outputs=["x", "z"])
+    model = mf.Equation(["x' = c1*x + c2*x*z", "z' = c3*z + c4*x*z"], outputs=["x", "z"])
+    for edge in (20.0, 31.0, 45.0):
+        fit = fit_quietly((rec,), model, Options.checked("fit", band=(0, edge)))
+        assert fit.params == pytest.approx([1, -0.5, -1, 0.4], abs=1e-5), edge
