@@ -57,6 +57,8 @@ def multiplied(fit: Estimates) -> Doubt | None:
     if not weighted:
         return None
     other, after, power = min(weighted, key=lambda one: _criterion(records, *one[1:]))
+    if few:  # the response of sums that err is none that an even noise asks for
+        even = min(even, _criterion(records, after, 0.0))
     if not (gain := even - _criterion(records, after, power)) > needed:
         return None
     what, cure = _WORDS[power]

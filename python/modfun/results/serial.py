@@ -22,6 +22,7 @@ __all__ = ["durbin_watson", "in_samples", "serial"]
 UNLIKELY, RARE = 0.01, 0.002  # p-values of the test over all outputs below which it speaks, and warns
 MOST = 400  # samples that count; of more, lines tell as much
 BISECTIONS = 200
+EXACT = 1e-5  # of an output: residuals that are no noise
 
 Part = list[tuple[F64, F64]]  # residuals of each record, and their slopes (unknown, sample)
 
@@ -44,6 +45,8 @@ def serial(fit: Estimates) -> Doubt | None:
     """
     try:
         parts = [_of_output(fit, i) for i in range(len(fit.outputs))]
+        if _is_exact(fit, parts):
+            return None
         if apart := _disagreeing(fit, parts):
             return apart
         tests = [durbin_watson([e for e, _ in part], _common(part, fit.params.size)) for part in parts]
@@ -61,6 +64,16 @@ def serial(fit: Estimates) -> Doubt | None:
         "compartment; fit.plot_response() shows where it is missed.",
         sure=p[least] < RARE,
     )
+
+
+def _is_exact(fit: Any, parts: Sequence[Part]) -> bool:
+    """Whether residuals are so small a part of an output that errors of integrations may be what they are."""
+    for own, level in zip(parts, np.mean(fit.noise_levels, axis=0), strict=True):
+        size = max([float(np.max(np.abs(rec.y))) for rec in fit.records])
+        off = float(np.sqrt(np.mean(np.concatenate([e for e, _ in own]) ** 2))) * level
+        if off < EXACT * (1.0 if fit.options.noise == "log-normal" else size):
+            return True
+    return False
 
 
 def durbin_watson(residual: list[F64], columns: F64) -> tuple[float, float]:
