@@ -57,6 +57,11 @@ class EquationLayout:
         return []
 
     @property
+    def free_delays(self) -> list[int]:
+        """Parameters that signals are late by."""
+        return [place for _, _, place in self.formulas.words["signals"] if place is not None]
+
+    @property
     def held(self) -> dict[str, float]:
         """Parameters that are not estimated."""
         return dict(self.compiled.fixed)

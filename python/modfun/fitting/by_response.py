@@ -75,7 +75,7 @@ def by_response(fit: Fit) -> Fit:
 
 
 def _is_asked(fit: EquationFit) -> bool:
-    options, words = fit.options, fit.layout.formulas.words
+    options = fit.options
     few = _errs(fit)
     plain = options.noise in ("output", *[LOGS] * few) and options.method in ("ml", "awls")
     plain = plain and options.output_weights is None and not (options.robust or fit.layout.priors)
@@ -88,7 +88,7 @@ def _is_asked(fit: EquationFit) -> bool:
         or fit.again is None
     ):
         return False
-    if any([late is not None for _, _, late in words["signals"]]):
+    if fit.layout.free_delays:
         return False
     return not fit.success or few or level_p(fit) < UNLIKELY or _is_biased(fit)
 

@@ -160,8 +160,7 @@ def settled(fit: EquationFit, sought: Callable[[Any], EquationFit]) -> EquationF
     A gain below 0 is none of these: each search took two thirds of a fit with two delays.
     """
     model, words = fit.structure, fit.layout.formulas.words
-    late = any([own is not None for _, _, own in words["signals"]])
-    if words["linear"] or not late or not fit.usable or not isinstance(model, Equation):
+    if words["linear"] or not fit.layout.free_delays or not fit.usable or not isinstance(model, Equation):
         return fit
     told = dict(model.params)
     free = [name for name in fit.param_names if name not in told or told[name] == Free()]

@@ -183,13 +183,6 @@ def _mixture(records: Sequence[Record]) -> Iterator[str]:
             yield f"Input {name!r} is read as {told} of {len(records)} records, as each of them looks."
 
 
-def _late(layout: Any) -> bool:
-    """Whether a delay is free."""
-    if layout.rational:
-        return bool(layout.free_delays)
-    return any([place is not None for _, _, place in layout.formulas.words["signals"]])
-
-
 def in_sentences(words: Mapping[Which, Word]) -> tuple[str, ...]:
     """What was decided."""
     return tuple(
@@ -230,7 +223,7 @@ def _asked(
             continue
         if not fits or which.name not in fits[0].inputs or (held and not any(map(_contradicted, fits))):
             continue
-        late = _late(fits[0].layout)
+        late = bool(fits[0].layout.free_delays)
         if late and held:
             continue  # a free delay makes up for half a sample, and what is left tells of other errors
         word = found[which].word if which in found else word

@@ -256,11 +256,10 @@ def _by_command(fit: Estimates, channel: str, otherwise: str = "") -> str:
     in_colour = in_colour if in_colour and not warnings_of(in_colour, others) else None
     pays = in_colour and not (plain and smaller_errors(plain, in_colour) <= LEAST_GAIN)
     # Of a fit that leaves slow noise its own cures take long, and where weights pay nobody needs to know.
-    if pays or (plain and not warnings_of(plain, others)):
-        colour = ', noise="coloured"' if pays else ""
+    enough = not pays and plain and not warnings_of(plain, others)
+    if enough or in_colour:
+        colour = "" if enough else ', noise="coloured"'
         return f'First fit with the command of the loop, reference="{name}"{free}{colour}.'
-    if in_colour:
-        return f'First fit with the command of the loop, reference="{name}"{free}, noise="coloured".'
     if otherwise:
         return f'{otherwise}, and fit with reference="{name}"{free}.'
     if slow := _slow(fit):

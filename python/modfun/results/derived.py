@@ -42,7 +42,7 @@ def derived(fit: Estimates, expressions: Mapping[str, str | Callable[[Mapping[st
         function = as_function(name, given, fit.param_names)
         value, gradient = _gradient(name, function, fit)
         values.append(value)
-        degrees.append(fit.fewest_degrees(gradient != 0))
+        degrees.append(fit._fewest_degrees(gradient != 0))
         bound = any(gradient[fit.param_names.index(own)] != 0 for own in fit.at_bound)  # its error is unknown
         errors.append(np.nan if bound else float(root(gradient @ fit.cov_params() @ gradient)))
     low, high = fit.interval(np.array(values), np.array(errors), degrees=np.array(degrees))

@@ -132,7 +132,7 @@ def level_p(fit: Estimates) -> float:
         p = float(fdtrc(df, independent * high_band_df(fit), chi2 / fit.df_resid))
     else:
         each = [_level_df(n, max(fit.layout.orders, default=0) + 2) for n in fit.intervals]
-        p = float(_above(chi2 / fit.df_resid, df, independent, each))
+        p = _above(chi2 / fit.df_resid, df, independent, each)
     # A level beside neighbours holds motion between them, too: residuals below it say nothing.
     return min(p, 0.5) if beside_samples(fit) else p
 

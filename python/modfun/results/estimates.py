@@ -232,9 +232,9 @@ class Estimates(Elsewhere):
         level = confidence("interval", level)
         if (least := np.fmin.reduce(np.ravel(errors), initial=0.0)) < 0:
             raise SpecError(f"interval: standard errors are not negative, these go down to {least:.4g}")
-        return student_interval(values, errors, self.fewest_degrees() if degrees is None else degrees, level)
+        return student_interval(values, errors, self._fewest_degrees() if degrees is None else degrees, level)
 
-    def fewest_degrees(self, which: Any = slice(None)) -> float:
+    def _fewest_degrees(self, which: Any = slice(None)) -> float:
         """Degrees of freedom of what several parameters determine: the fewest that one of them has."""
         own = np.broadcast_to(self.degrees, self.params.shape)[which]
         own = own[np.isfinite(own)]

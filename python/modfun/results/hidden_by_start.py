@@ -13,10 +13,10 @@ from ..base.student import student_p
 from ..errors import ModfunError
 from ..models.free import Free
 from .cures import CLOSE, ENOUGH, again, bic_beside
+from .derived import gain_errors
 from .diagnosis import growth, level_p
 from .doubts import SURE, Doubt
 from .estimates import Estimates
-from .gradients import response_gradients
 from .known_drift import drifting, linearised
 from .known_start import contradicted_p, far_apart, from_rest, hausman, plainly_at_rest
 from .rewritten import in_words, rewritten
@@ -54,7 +54,7 @@ def hidden_by_start(fit: Estimates) -> Doubt | None:
     if not (abs(gain) > TOLD * error and abs(now) > TOLD * own and _clean(other)):
         return None
     far = abs(gain - now) / sqrt(max(error**2 - own**2, (error / 2) ** 2))
-    p = float(student_p(far, fit.fewest_degrees()))
+    p = float(student_p(far, fit._fewest_degrees()))
     if not (found or p < ENOUGH):
         return None
     begins = "record begins" if len(fit.records or ()) == 1 else "records begin"
@@ -120,6 +120,6 @@ def _clean(rest: Estimates) -> bool:
 
 def _gain(fit: Estimates) -> tuple[float, float]:
     """The static gain and its standard error."""
-    gain, slopes = response_gradients(fit.layout, fit.params, np.zeros(1))
-    slope = slopes[:, 0, 0, 0].real
-    return float(gain[0, 0, 0].real), sqrt(max(float(slope @ fit.cov_params() @ slope), 0.0))
+    found, relative, _ = gain_errors(fit, np.zeros(1))
+    gain = float(found[0, 0, 0].real)
+    return gain, abs(gain) * float(relative[0, 0, 0])

@@ -21,7 +21,7 @@ __all__ = ["durbin_watson", "in_samples", "serial"]
 
 UNLIKELY, RARE = 0.01, 0.002  # p-values of the test over all outputs below which it speaks, and warns
 MOST = 400  # samples that count; of more, lines tell as much
-BISECTIONS = 200
+NEAR_POLE, SAME = 1e-9, 1e-9  # how near to its poles a slope is taken; columns that are made of others
 EXACT = 1e-5  # of an output: residuals that are no noise
 
 Part = list[tuple[F64, F64]]  # residuals of each record, and their slopes (unknown, sample)
@@ -95,10 +95,7 @@ def durbin_watson(residual: list[F64], columns: F64) -> tuple[float, float]:
     1951; R. Lugannani, S. Rice, Saddle point approximation for the distribution of the sum of independent
     random variables, Adv. Appl. Probab. 12, 1980.
     """
-    e, size = np.concatenate(residual), np.linalg.norm(columns, axis=1)
-    x = columns[size > 0] / size[size > 0, None]
-    left, singular, _ = np.linalg.svd(x.T, full_matrices=True)
-    rest = left[:, int(np.sum(singular > 1e-9)) :]  # what least squares leaves
+    e, rest = np.concatenate(residual), _beyond(columns)
     squares = np.zeros((e.size, e.size))
     at = 0
     for own in residual:
@@ -108,7 +105,7 @@ def durbin_watson(residual: list[F64], columns: F64) -> tuple[float, float]:
     # Parameters that other outputs decide, too, leave more of the noise than the columns of this one would.
     own, within = rest.T @ e, rest.T @ squares @ rest
     found = float(own @ within @ own / (own @ own))
-    return found, _below(np.linalg.eigvalsh(within) - found)
+    return found, _below(np.asarray(np.linalg.eigvalsh(within), float) - found)
 
 
 def _below(weights: F64) -> float:
@@ -117,12 +114,11 @@ def _below(weights: F64) -> float:
     if low >= 0 or high <= 0:
         return float(low < 0)
     # The slope of the cumulant function grows from -inf to inf between these, and is zero at one point.
-    begin, end = 1 / (2 * low), 1 / (2 * high)
-    for _ in range(BISECTIONS):
-        at = (begin + end) / 2
-        begin, end = (at, end) if np.sum(weights / (1 - 2 * at * weights)) < 0 else (begin, at)
+    from scipy.optimize import brentq
     from scipy.special import ndtr
 
+    ends = (1 - NEAR_POLE) / (2 * low), (1 - NEAR_POLE) / (2 * high)
+    at = float(brentq(lambda x: np.sum(weights / (1 - 2 * x * weights)), *ends, xtol=1e-14))
     cumulant = -0.5 * float(np.sum(np.log1p(-2 * at * weights)))
     curvature = 2 * float(np.sum((weights / (1 - 2 * at * weights)) ** 2))
     w, v = np.sign(at) * sqrt(max(-2 * cumulant, 0.0)), at * sqrt(curvature)
@@ -197,8 +193,12 @@ def _disagreeing(fit: Estimates, parts: Sequence[Part]) -> Doubt | None:
 
 def _left(e: F64, columns: F64) -> tuple[float, int]:
     """Sum of squares that least squares on the columns leaves, and how many of these differ."""
+    rest = _beyond(columns)
+    return float(np.sum((rest.T @ e) ** 2)), e.size - rest.shape[1]
+
+
+def _beyond(columns: F64) -> F64:
+    """Orthonormal directions (sample, …) that least squares on the columns leaves alone."""
     size = np.linalg.norm(columns, axis=1)
-    x = columns[size > 0] / size[size > 0, None]
-    basis, singular, _ = np.linalg.svd(x.T, full_matrices=False)
-    basis = basis[:, singular > 1e-9]
-    return float(np.sum((e - basis @ (basis.T @ e)) ** 2)), basis.shape[1]
+    every, singular, _ = np.linalg.svd((columns[size > 0] / size[size > 0, None]).T)
+    return np.asarray(every[:, int(np.sum(singular > SAME)) :])

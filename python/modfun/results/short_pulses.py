@@ -7,6 +7,7 @@ from math import pi, sqrt
 import numpy as np
 
 from ..base.arrays import F64
+from ..records.mask import runs
 from .doubts import Doubt
 from .estimates import Estimates
 
@@ -28,19 +29,17 @@ def short_pulse(fit: Estimates) -> Doubt | None:
     if not fit.layout.rational or not fit.records or not fit.usable:
         return None
     for j, name in enumerate(fit.inputs):
-        found = [
-            _pulses(rec.u[j]) for rec in fit.records if rec.intersample[j] != "zoh" and not rec.functions
-        ]
-        intervals = np.concatenate([own for own in found if own is not None] or [np.zeros(0)])
-        if len(found) < len(fit.records) or any([own is None for own in found]) or not intervals.size:
+        read = [rec.u[j] for rec in fit.records if rec.intersample[j] != "zoh" and not rec.functions]
+        found = [own for u in read if (own := _pulses(u)) is not None]
+        if len(found) < len(fit.records):
             continue
+        intervals = np.concatenate(found)
         off = HALF_SINE * sqrt(float(np.mean(intervals**-4.0)) / intervals.size)
         known = _of_scale(fit, name)
         if known is None or not off > known:
             continue
         samples = max(round(float(np.median(intervals))), 1)
-        pulses = "pulses" if intervals.size > 1 else "pulse"
-        lasts = "last" if intervals.size > 1 else "lasts"
+        pulses, lasts = ("pulses", "last") if intervals.size > 1 else ("pulse", "lasts")
         return Doubt(
             f"The {pulses} of {name} {lasts} about {samples} samples, and what {name} is between these is "
             f"not known: the area may be {100 * off:.2g} % off, and so may the gains, whose standard errors "
@@ -58,9 +57,8 @@ def _pulses(u: F64) -> F64 | None:
     active = away > ACTIVE * peak
     if not peak > 0 or not 0 < np.mean(active) < FEW:
         return None
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], active, [False]]).astype(int)))
-    runs = [(a, b) for a, b in edges.reshape(-1, 2) if away[a:b].max() > TALL * peak]
-    lengths = np.array([b - a + 0.5 for a, b in runs])
+    each = zip(*runs(active), strict=True)
+    lengths = np.array([n + 0.5 for start, n in each if away[start : start + n].max() > TALL * peak])
     return lengths if lengths.max() < LONGEST else None
 
 

@@ -342,7 +342,7 @@ def _with_starts(fit: Estimates, level: float, columns: dict[str, Any]) -> dict[
     *_, low_name, high_name = columns
     more: dict[str, Any] = {
         "parameter": names, "value": values, "unit": [""] * len(names), "se": used, "t": ratio,
-        "p": student_p(ratio, fit.fewest_degrees()), low_name: low, high_name: high,
+        "p": student_p(ratio, fit._fewest_degrees()), low_name: low, high_name: high,
     }  # fmt: skip
     return {name: np.concatenate([np.asarray(own), np.asarray(more[name])]) for name, own in columns.items()}
 
