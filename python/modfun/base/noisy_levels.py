@@ -14,6 +14,7 @@ __all__ = ["held_in_noise", "levels_in_noise", "white_level"]
 
 NORMAL = 0.6745  # median of the size of a standard normal number
 FEWEST, ENOUGH = 64, 2**14  # samples; of longer signals the middle is looked at
+PIECES, EACH = 64, 2**12  # of longer signals that tell the level of white noise, and samples of each
 JUMP, CHANGES = 5.0, 5  # standard deviations of noise's changes in a jump, and of these at least
 SHORT, RARE = 2, 0.1  # samples of a level that may be one of a passing signal, and how many may be
 BINS, MOST, SHARE = 32, 5, 0.05  # of a histogram; levels at most, and samples on each at least
@@ -46,6 +47,9 @@ def levels_in_noise(values: F64) -> F64 | None:
 
 def white_level(values: F64) -> float:
     """Return the level of white noise, from medians of differences: jumps of a held signal count little."""
+    if values.size > PIECES * EACH:
+        starts = np.linspace(0, values.size - EACH, PIECES).astype(int)
+        values = np.concatenate([values[first : first + EACH] for first in starts.tolist()])
     found = list[float]()
     for order in ORDERS:
         sizes = np.abs(np.diff(values, order))

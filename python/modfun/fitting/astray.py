@@ -17,7 +17,7 @@ BEYOND = 1e-9  # of the band's upper edge, on which a line lies
 def settled_levels(
     found: dict[str, Any], on_band: Callable[[tuple[float, float]], dict[str, Any]]
 ) -> dict[str, Any]:
-    """The core's answer, or that on the same band, as a given one, where its levels come nearer to rest.
+    """The core's answer, or that on the same band, as a given one, where its levels come to rest.
 
     Levels for a default band begin as few lines show them. Where turbulence drives the equations, parameters
     may follow these levels upwards without end: lateral doublets left residuals of 10,000 degrees. On a given
@@ -28,7 +28,7 @@ def settled_levels(
         return found
     edges = [(low * w, high * w) for (low, high), w in zip(found["lines"], found["omega0"], strict=True)]
     other = on_band((min(edges)[0], max(high for _, high in edges) * (1 + BEYOND)))
-    return other | {"band_rule": found["band_rule"]} if _unrest(other) < _unrest(found) else found
+    return other | {"band_rule": found["band_rule"]} if _unrest(other) < FAR else found
 
 
 def _unrest(found: dict[str, Any]) -> float:

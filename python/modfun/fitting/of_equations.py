@@ -24,7 +24,7 @@ from ..records.forms import forms_of
 from ..records.record import Record
 from ..records.spectra import too_short
 from ..results.doubts import noise_free
-from ..results.of_equations import EquationFit
+from ..results.of_equations import HUGE, EquationFit
 from ..results.refits import AWAY, ran_away
 from .arguments import sensible
 from .astray import settled_levels
@@ -371,6 +371,8 @@ def _of_found(
 ) -> EquationFit:
     """The fit that the core found; `seen`: by noise levels that the records show."""
     layout = made.layout
+    if found["status"] == "rank" and np.abs(found["theta"]).max(initial=0.0) > HUGE:
+        found["status"] = "nonfinite"  # on the way there: which of the two comes first is rounding
     if found["status"] == "nonfinite":
         found["theta"] = np.full_like(found["theta"], nan)  # which is where the search began
     levels = found["levels"]

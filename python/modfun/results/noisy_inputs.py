@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from math import inf
+from math import inf, sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..base.arrays import C128, F64
 from ..base.cached import kept
@@ -27,6 +26,7 @@ PLAUSIBLE = 0.1  # p-value of the level below which the lines are looked at
 LEAST = 0.4  # chi-square per degree of freedom beside predicted noise: less is that of an input which acts
 ABOVE = 4.0  # power of an input on the lines of the fit over that of its noise
 HANN = 1.5  # lines that one of this window's stands for
+FINE = 64  # samples a period of the highest line, at least, of what is averaged
 AROUND = np.full(9, 1 / 9)  # lines over which power is averaged
 PART = 0.1  # of what inputs add, from which one is named
 MATTERS = 0.05  # of the power of an output's noise, that of an input's on some line: less is not looked at
@@ -46,15 +46,15 @@ def noisy_input(fit: Estimates) -> Doubt | None:
     input that moves the system at high frequency looks noisy, too, but leaves far less than its noise would.
     An integral of noise is strongest on a few lines, where estimates follow it and residuals show little.
     """
-    if not _testable(fit):
+    if not _testable(fit) or not fit.records:
         return None
-    levels = root(np.mean([[white_level(u) ** 2 for u in rec.u] for rec in fit.records or ()], axis=0))
+    levels = root(np.mean([[white_level(u) ** 2 for u in rec.u] for rec in fit.records], axis=0))
     if not np.any(levels > 0):
         return None
     gain, added, most = _evidence(fit, levels)
     noisy = added > PART * added.sum()
     left = gain > WORTH and (level_p(fit) < PLAUSIBLE or suspicious(fit))
-    if not (left or most > MATTERS) or not _stands_out(fit, levels[noisy], noisy):
+    if not (left or most > MATTERS) or not _stands_out(fit, np.where(noisy, levels, 0.0)):
         return None
     channels = np.flatnonzero(noisy).tolist()
     if any(_known(fit, j) or not (left or _white(fit, j, float(levels[j]))) for j in channels):
@@ -171,7 +171,7 @@ def _evidence(fit: Estimates, levels: F64) -> tuple[float, F64, float]:
     return gain, added, most
 
 
-def _stands_out(fit: Estimates, levels: F64, noisy: NDArray[np.bool_]) -> bool:
+def _stands_out(fit: Estimates, levels: F64) -> bool:
     """Whether noisy inputs are far above their noise on the lines of the fit: noise alone drives nothing.
 
     A window that goes to zero at both ends hides the pulse of a hammer at one of them, beside which an input
@@ -179,11 +179,14 @@ def _stands_out(fit: Estimates, levels: F64, noisy: NDArray[np.bool_]) -> bool:
     """
     for k, (rec, (low, high)) in enumerate(zip(fit.records or (), fit.lines, strict=True)):
         n = fit.intervals[k]
-        u = rec.u[noisy, rec.intervals - n :]
-        usual = np.median(np.abs(u - np.median(u, axis=1, keepdims=True)), axis=1)
-        for own, level, pulse in zip(u, levels, usual < levels, strict=True):
-            window = np.ones(n + 1) if pulse else np.hanning(n + 1)
-            lines = _lines(window, own[None])[0, max(low - 1, 0) : high]
+        each = max(n // (FINE * (high + 1)), 1)  # samples of a long record that are averaged, for memory
+        for own, level in zip(rec.u[:, rec.intervals - n :], levels / sqrt(each), strict=True):
+            if not level > 0:
+                continue
+            u = own[: own.size // each * each].reshape(-1, each).mean(axis=1)
+            pulse = np.median(np.abs(u - np.median(u))) < level
+            window = np.ones(u.size) if pulse else np.hanning(u.size)
+            lines = _lines(window, u[None])[0, max(low - 1, 0) : high]
             if np.mean(np.abs(lines) ** 2) < ABOVE * level**2 * float(window @ window):
                 return False
     return True

@@ -27,11 +27,11 @@ from .initial_state import simulate_equations
 from .prediction import InitialState
 from .sample_levels import beside_samples, square_beside
 
-__all__ = ["EquationFit", "parts_with_values"]
+__all__ = ["HUGE", "EquationFit", "parts_with_values"]
 
 LONG = 0.5  # of the longest part of a record that has values: shorter ones tell little
 CLEAR = 5.0  # standard deviations of noise: what is as far from 0 has a logarithm that is worth something
-HUGE = 1e50  # samples whose powers may overflow
+HUGE = 1e50  # samples or parameters whose powers may overflow
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -272,7 +272,7 @@ class EquationFit(Fit):
 
         Half of these on a bound, beyond which there is no model, as of a delay of 0: its error is unknown.
         """
-        low, high = np.array(self.layout.formulas.words["bounds"], dtype=float).T
+        low, high = np.reshape(self.layout.formulas.words["bounds"], (-1, 2)).astype(float).T
 
         def at(params: F64) -> Any:
             params = np.clip(params, low, high)

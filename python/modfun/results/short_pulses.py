@@ -16,6 +16,7 @@ __all__ = ["short_pulse"]
 ACTIVE = 0.05  # of the peak, from which a sample is one of a pulse
 TALL = 0.3  # of the highest peak: smaller pulses carry little
 FEW = 0.02  # of all samples are in pulses, at most: others are no hits
+MANY = 2**16  # samples that tell what is usual
 LONGEST = 40  # samples of a pulse whose area may be wrong by 0.05 %
 HALF_SINE = pi**2 / 12  # over the square of its intervals: how far the sum is off from the area, at most
 FACTOR = 3.0  # times the standard error of the gains, beyond which a fit warns
@@ -52,13 +53,13 @@ def short_pulse(fit: Estimates) -> Doubt | None:
 
 def _pulses(u: F64) -> F64 | None:
     """Intervals of each tall pulse of an input that is nothing else; None where it is more than that."""
-    away = np.abs(u - np.median(u))
-    peak = float(away.max(initial=0.0))
-    active = away > ACTIVE * peak
+    usual = float(np.median(u[:: max(u.size // MANY, 1)]))
+    peak = max(float(u.max()) - usual, usual - float(u.min()))
+    active = (u > usual + ACTIVE * peak) | (u < usual - ACTIVE * peak)
     if not peak > 0 or not 0 < np.mean(active) < FEW:
         return None
-    each = zip(*runs(active), strict=True)
-    lengths = np.array([n + 0.5 for start, n in each if away[start : start + n].max() > TALL * peak])
+    each = [(n, np.abs(u[start : start + n] - usual).max()) for start, n in zip(*runs(active), strict=True)]
+    lengths = np.array([n + 0.5 for n, height in each if height > TALL * peak])
     return lengths if lengths.max() < LONGEST else None
 
 
