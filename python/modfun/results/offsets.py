@@ -409,7 +409,9 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
             made = again(
                 fit, fit.records, structure, on_band(fit, fit.band).replace(trend=trend), near=_is_near(fit)
             )
-            if made is None or not made.success or not (after := bic_beside(made, fit)) < best:
+            if made is None or not made.success or EXTRA not in made.param_names:
+                continue  # an output of which only derivatives act has none
+            if not (after := bic_beside(made, fit)) < best:
                 continue
             if abs(made[EXTRA]) > ABSURD * max(float(np.nanmax(np.abs(rec[x]))) for rec in fit.records):
                 continue
