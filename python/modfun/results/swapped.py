@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from .cures import ENOUGH, again
 from .diagnosis import level_p
 from .doubts import SURE, Doubt, noise_free
@@ -21,6 +23,8 @@ def swapped(fit: Estimates) -> Doubt | None:
         fit.again is None
         or noise_free(fit)
         or any(rec.mask is not None or rec.sigma is not None for rec in records)
+        # What stands still from sample to sample, as a relay or another command does, is no output under noise.
+        or any(not np.median(np.abs(np.diff(rec.u[0]))) > 0 for rec in records)
     ):
         return None
     turned = tuple([rec._like(y=rec.u, u=rec.y, outputs=(u,), inputs=(y,)) for rec in records])
