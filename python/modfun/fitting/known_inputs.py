@@ -32,7 +32,7 @@ FAR = 4.0  # standard errors
 SETTLED = 0.01  # of a standard error: the last step
 WIDE = 0.8  # of all lines: those of the first fit
 FEW = 8.5  # samples per period of the highest line
-FAST = 1.0  # steps: the inverse of a pole for which two rounds of what sampling folds are few
+FAST = 1.0  # steps: the inverse of a pole for which rounds of what sampling folds may not settle
 UNSURE = 0.5  # standard errors over values: the lines may not hold what there is to see
 WORSE = 1.02  # times the squares that a response leaves of the outputs: those of another minimum
 LONG = 4096  # samples of a record for which rounds take too long
@@ -91,9 +91,9 @@ def fit_known_inputs(
 def held_closely(fit: Fit, again: Callable[[tuple[Record, ...], Any, Options], Any]) -> Fit:
     """A fit under held inputs by rounds like these where its lines have few samples per period; else itself.
 
-    Held inputs are known at all times, too. What the core takes out of the sums in two rounds is next to all
-    that lines of eight samples per period fold, and too little with four where poles are as fast. Where these
-    rounds do not settle, a default band goes no further than that.
+    Held inputs are known at all times, too. What the core takes out of the sums is next to all that lines of
+    eight samples per period fold, but its rounds may not settle with four where poles are as fast. Where
+    these do not, either, a default band goes no further than that.
     """
     records, o = fit.records or (), fit.options
     steps = [rec.dt for rec in records if rec.dt and rec.mask is None and rec.sigma is None]

@@ -11,7 +11,7 @@
 //! p = 1 held, 2 straight between samples, τ its delay; J is the jump from the record's end to its beginning, which
 //! stands at a sample whatever the delay.
 //! The sums over j beyond a few end in closed form. G is that of the estimate, which then follows anew: the error of
-//! G in so small a term is next to nothing after two rounds. What the folding adds is no small matter: for one pole
+//! G in so small a term is next to nothing after two rounds, but for poles as fast as the sampling, which take more. What the folding adds is no small matter: for one pole
 //! more than zeros it is (ωh)²/12 of the response, 5 % at eight samples a period. Where all inputs are
 //! held, what the ends of the record fold is known from the transient, and the output's sums are plain ones; else the
 //! ends, J among them, are left to the end weights of the quadrature. Uneven samples fold otherwise and keep their
@@ -28,8 +28,12 @@ use crate::simd::{LANES, Lanes, Wide};
 const FOLDS: usize = 6;
 /// Images of a line, on both sides.
 const IMAGES: usize = 2 * FOLDS;
-/// Rounds of taking it out and of the estimate that follows.
+/// Rounds of taking it out and of the estimate that follows, which every estimate has.
 pub(crate) const ROUNDS: usize = 2;
+/// Most rounds, of estimates that go on to move.
+pub(crate) const MOST_ROUNDS: usize = 20;
+/// What is still to come, in parts of the parameters, where an estimate stands.
+const STANDS: f64 = 1e-6;
 /// A correction above this part of the output's power is none: the estimate is far off.
 pub(crate) const LARGE: f64 = 0.1;
 /// The same where an input acts at once: at half the sampling rate what is folded is 1.4 of the power.
@@ -297,6 +301,29 @@ fn times<L: Lanes>(a: (L, L), b: (L, L)) -> (L, L) {
     (a.0.mul_add(b.0, -(a.1 * b.1)), a.0.mul_add(b.1, a.1 * b.0))
 }
 
+/// How far an estimate moves from round to round.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Moves(f64);
+
+impl Moves {
+    /// Before the first.
+    pub const NONE: Moves = Moves(f64::INFINITY);
+
+    /// Takes the next, of parameters as they were and as they are; whether more is to come that is worth a round, as
+    /// moves go on to shrink by the same part. Where they do not shrink, further rounds lead nowhere.
+    pub fn go_on(&mut self, theta: impl Iterator<Item = (f64, f64)>) -> bool {
+        let (mut change, mut size) = (0.0, 0.0);
+        for (before, now) in theta {
+            change += (now - before) * (now - before);
+            size += now * now;
+        }
+        let now = (change / size).sqrt();
+        let part = now / self.0;
+        self.0 = now;
+        part < 1.0 && now * part > STANDS * (1.0 - part)
+    }
+}
+
 /// The outputs' sums as they were measured.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Measured {
@@ -330,9 +357,15 @@ impl Measured {
         }
     }
 
-    /// Puts back the lanes in which what was taken out has more than this part of the output's power.
-    pub fn judge(&self, re: &mut [Wide], im: &mut [Wide], [taken, all]: &[Wide; 2], large: f64) {
-        for lane in 0..LANES {
+    /// Puts back those of these lanes in which what was taken out has more than this part of the output's power.
+    pub fn judge(
+        &self,
+        (re, im): (&mut [Wide], &mut [Wide]),
+        [taken, all]: &[Wide; 2],
+        large: f64,
+        of: [bool; LANES],
+    ) {
+        for lane in (0..LANES).filter(|k| of[*k]) {
             // NaN is not little, either.
             let little = taken.0[lane] <= large * all.0[lane];
             if !little {

@@ -118,7 +118,7 @@ fn take_out(isa: Isa, d: &Design, w: &mut Workspace) {
     w.forget_products();
     prepare(isa, d, w);
     isa.run(Transients { design: d, space: w });
-    unalias(isa, d, w);
+    unalias(isa, d, w, [true; LANES]);
     w.forget_products();
 }
 

@@ -1,7 +1,7 @@
 //! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
 use super::again::Estimation;
-use super::aliasing::ROUNDS;
+use super::aliasing::{MOST_ROUNDS, Moves, ROUNDS};
 use super::band::SAME;
 use super::completion::{complete, status};
 use super::design::Design;
@@ -96,21 +96,39 @@ pub fn estimate(
 }
 
 impl Estimation<'_> {
-    /// Rounds of what sampling folds at the estimate, and of the estimate that follows.
+    /// Rounds of what sampling folds at the estimate, and of the estimate that follows, in each lane until it stands.
     fn unfold(&self, w: &mut Workspace, live: [bool; LANES]) {
         let Estimation { isa, design: d, .. } = *self;
         if d.aliasing.is_none() {
             return;
         }
         w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-        for _ in 0..ROUNDS {
+        let (mut left, mut moves) = (live, [Moves::NONE; LANES]);
+        let (mut unsettled, mut dependent) = ([false; LANES], w.dependent);
+        for round in 1..=MOST_ROUNDS {
             if d.method == Method::Ls {
                 prepare(isa, d, w);
                 isa.run(uncertainty::Transients { design: d, space: w });
             }
-            unalias(isa, d, w);
-            self.again(w, live);
+            unalias(isa, d, w, left);
+            w.before.copy(&w.iterates, [true; LANES]);
+            self.again(w, left);
+            for lane in 0..LANES {
+                if !left[lane] {
+                    continue;
+                }
+                (unsettled[lane], dependent[lane]) =
+                    (w.progress.active.0[lane] > 0.0, w.dependent[lane]);
+                let each = w.iterates.theta.now.iter().zip(&w.before.theta.now);
+                let more = moves[lane].go_on(each.map(|(now, was)| (was.0[lane], now.0[lane])));
+                left[lane] = round < ROUNDS || more;
+            }
+            if left == [false; LANES] {
+                break;
+            }
         }
+        (0..LANES).for_each(|k| w.progress.active.0[k] = f64::from(unsettled[k]));
+        w.dependent = dependent;
     }
 
     /// Rounds of the transient that the estimate makes of a known start, and of the estimate that follows, in each lane
@@ -122,7 +140,7 @@ impl Estimation<'_> {
         let (mut best, mut cost) = (w.iterates.theta.now.clone(), [f64::INFINITY; LANES]);
         for round in 0..rest::ROUNDS {
             isa.run(Ties { design: d, known, space: w });
-            unalias(isa, d, w);
+            unalias(isa, d, w, [true; LANES]);
             w.forget_products();
             complete(isa, d, w, live, false);
             let mut onward = left;
@@ -168,7 +186,7 @@ impl Estimation<'_> {
         }
         // As the estimate says, however many rounds other lanes took.
         isa.run(Ties { design: d, known, space: w });
-        unalias(isa, d, w);
+        unalias(isa, d, w, [true; LANES]);
         w.forget_products();
         for lane in 0..LANES {
             w.progress.active.0[lane] = f64::from(unsettled[lane] || left[lane]);

@@ -5,16 +5,16 @@ use std::f64::consts::TAU;
 use super::aliasing::{Aliasing, Images, LARGE, LARGE_AT_ONCE};
 use super::design::Design;
 use super::workspace::Workspace;
-use crate::simd::{Isa, Kernel, Lanes, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Structure;
 
-/// Takes what the estimate's response folds out of the output, of all lanes; from the sums as they were measured.
-pub(crate) fn unalias(isa: Isa, d: &Design, w: &mut Workspace) {
+/// Takes what the estimate's response folds out of the output, of these lanes; from the sums as they were measured.
+pub(crate) fn unalias(isa: Isa, d: &Design, w: &mut Workspace, of: [bool; LANES]) {
     let Some(aliasing) = &d.aliasing else { return };
-    let power = isa.run(Unalias { structure: &d.structure, aliasing, design: d, space: w });
+    let power = isa.run(Unalias { structure: &d.structure, aliasing, design: d, space: w, of });
     let large = if d.acts_at_once() { LARGE_AT_ONCE } else { LARGE };
     for r in &mut w.records {
-        r.measured.judge(&mut r.re, &mut r.im, &power, large);
+        r.measured.judge((&mut r.re, &mut r.im), &power, large, of);
     }
 }
 
@@ -23,6 +23,7 @@ struct Unalias<'a> {
     aliasing: &'a Aliasing,
     design: &'a Design,
     space: &'a mut Workspace,
+    of: [bool; LANES],
 }
 
 impl Kernel for Unalias<'_> {
@@ -30,7 +31,8 @@ impl Kernel for Unalias<'_> {
     type Output = [Wide; 2];
     #[inline(always)]
     fn run<L: Lanes>(self) -> [Wide; 2] {
-        let Unalias { structure, aliasing, design, space: w } = self;
+        let Unalias { structure, aliasing, design, space: w, of } = self;
+        let (of, half) = (L::load(&Wide(of.map(f64::from))), L::splat(0.5));
         let theta = &w.iterates.theta.now;
         let (a, b) = theta.split_at(structure.order);
         let mut power = [L::splat(0.0); 2];
@@ -62,8 +64,8 @@ impl Kernel for Unalias<'_> {
                     sum = (sum.0 + own.0, sum.1 + own.1);
                 }
                 let y = (L::load(&r.measured.re[m]), L::load(&r.measured.im[m]));
-                (y.0 - sum.0).store(&mut r.re[m]);
-                (y.1 - sum.1).store(&mut r.im[m]);
+                half.select_lt(of, y.0 - sum.0, L::load(&r.re[m])).store(&mut r.re[m]);
+                half.select_lt(of, y.1 - sum.1, L::load(&r.im[m])).store(&mut r.im[m]);
                 power[0] = sum.0.mul_add(sum.0, sum.1.mul_add(sum.1, power[0]));
                 power[1] = y.0.mul_add(y.0, y.1.mul_add(y.1, power[1]));
             }

@@ -201,7 +201,7 @@ impl Single<'_> {
     /// Takes what the estimate that stands folds out of the outputs.
     fn fold(&mut self) {
         self.find_transients();
-        unalias(self.isa, self.d, &mut self.w);
+        unalias(self.isa, self.d, &mut self.w, [true; LANES]);
         self.find_transients();
     }
 }

@@ -8,6 +8,8 @@ use super::unalias::unalias;
 use super::uncertainty;
 use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
+use crate::estimate::aliasing::{MOST_ROUNDS, Moves, ROUNDS};
+use crate::estimate::autoregression;
 use crate::estimate::band::CLOSE;
 use crate::estimate::iterates::Move;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
@@ -15,7 +17,6 @@ use crate::estimate::outcome::{Outcome, lost_lanes, statuses};
 use crate::estimate::pass::tiles;
 use crate::estimate::rule::Rule;
 use crate::estimate::{Options, Wanted};
-use crate::estimate::{aliasing, autoregression};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -82,28 +83,44 @@ pub(crate) fn estimate(
     };
     let run = Run { rule, most: o.maxiter, limit: o.tol * o.tol, held, fresh: false };
     if rule != Rule::Wls {
-        let rounds = match d.aliasing.is_some() && o.wanted != Wanted::Cost {
-            true => aliasing::ROUNDS,
-            false => 0,
-        };
+        let folds = d.aliasing.is_some() && o.wanted != Wanted::Cost;
+        let (rounds, most) = if folds { (ROUNDS, MOST_ROUNDS) } else { (0, 0) };
         // What is folded need not be known to the last digit before the last round.
         let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
         w.keep_measured();
-        for round in 0..=rounds {
-            let nit = w.progress.nit;
+        let (mut left, mut moves) = (live, [Moves::NONE; LANES]);
+        let mut before = w.iterates.theta.now.clone();
+        for round in 0..=most {
+            let (nit, active, cost) = (w.progress.nit, w.progress.active, w.progress.cost);
+            let dependent = w.dependent;
             if round > 0 {
-                unalias(isa, d, w);
-                w.progress.begin(live);
+                before.copy_from_slice(&w.iterates.theta.now);
+                unalias(isa, d, w, left);
+                w.progress.begin(left);
                 w.dependent = [false; LANES];
                 isa.run(uncertainty::Transients { design: d, space: w });
             }
             let run = Run { limit: if round < rounds { rough } else { run.limit }, ..run };
             iterate(isa, d, w, run, refresh)?;
             if d.alternates() {
-                settle_noise(isa, d, w, live, run, refresh)?;
+                settle_noise(isa, d, w, left, run, refresh)?;
             }
-            if round > 0 {
-                (0..LANES).for_each(|k| w.progress.nit.0[k] += nit.0[k]);
+            for k in 0..LANES {
+                if round > 0 {
+                    w.progress.nit.0[k] += nit.0[k];
+                }
+                if !left[k] {
+                    // As it ended.
+                    (w.progress.active.0[k], w.progress.cost.0[k]) = (active.0[k], cost.0[k]);
+                    w.dependent[k] = dependent[k];
+                    continue;
+                }
+                let each = w.iterates.theta.now.iter().zip(&before);
+                let more = round > 0 && moves[k].go_on(each.map(|(now, was)| (was.0[k], now.0[k])));
+                left[k] = round < rounds || more;
+            }
+            if left == [false; LANES] {
+                break;
             }
         }
     } else {

@@ -14,12 +14,13 @@ use super::unalias::unalias;
 use super::whitener::Whitener;
 use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
+use crate::estimate::aliasing::{MOST_ROUNDS, Moves, ROUNDS};
 use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::statuses;
 use crate::estimate::prior::{self, Prior};
 use crate::estimate::rule::Rule;
-use crate::estimate::{Options, Wanted, aliasing};
+use crate::estimate::{Options, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -153,19 +154,24 @@ impl<'d> Single<'d> {
             nit = self.rounds_at_once(run, known, o, refresh)?;
         } else if rule != Rule::Wls {
             let rounds = match d.aliasing.is_some() && o.wanted != Wanted::Cost {
-                true => aliasing::ROUNDS,
+                true => ROUNDS,
                 false => 0,
             };
             // What is folded need not be known to the last digit before the last round.
             let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
             let first = Run { limit: if rounds > 0 { rough } else { limit }, ..run };
             (nit, came_near) = self.settle(first, known, near, refresh)?;
-            for round in 1..=rounds {
-                unalias(self.isa, d, &mut self.w);
+            let (mut round, mut more, mut moves) = (0, rounds > 0, Moves::NONE);
+            while more && round < MOST_ROUNDS {
+                round += 1;
+                let before = self.w.iterates.theta.now.clone();
+                unalias(self.isa, d, &mut self.w, [true; LANES]);
                 self.find_transients();
                 nit += self.again();
                 let run = Run { limit: if round < rounds { rough } else { limit }, ..run };
                 nit += self.settle(run, true, None, refresh)?.0;
+                let each = self.w.iterates.theta.now.iter().zip(&before);
+                more = moves.go_on(each.map(|(now, was)| (was.0[0], now.0[0]))) || round < rounds;
             }
         } else {
             self.w.progress.active = Wide::ZERO;

@@ -6,21 +6,21 @@ use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
 use super::workspace::JointWorkspace;
 use crate::estimate::aliasing::{Aliasing, Fold, Images, LARGE, LARGE_AT_ONCE};
-use crate::simd::{Isa, Kernel, Lanes, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
-/// Takes what the estimate's response folds out of the outputs, from the sums as they were measured.
-pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointWorkspace) {
+/// Takes what the estimate's response folds out of the outputs, of these lanes; from the sums as they were measured.
+pub(crate) fn unalias(isa: Isa, d: &JointDesign, w: &mut JointWorkspace, of: [bool; LANES]) {
     let Some(aliasing) = &d.aliasing else { return };
     let moved = moved(aliasing, d, w);
     let aliasing = moved.as_ref().unwrap_or(aliasing);
-    let power = isa.run(Unalias { aliasing, design: d, space: w });
+    let power = isa.run(Unalias { aliasing, design: d, space: w, of });
     let power = match w.across {
         Across::Replicates => power,
         Across::Lines => power.map(|p| Wide::splat(p.0.iter().sum())),
     };
     let large = if d.acts_at_once() { LARGE_AT_ONCE } else { LARGE };
     for r in &mut w.records {
-        r.measured.judge(&mut r.re, &mut r.im, &power, large);
+        r.measured.judge((&mut r.re, &mut r.im), &power, large, of);
     }
 }
 
@@ -52,6 +52,7 @@ struct Unalias<'a> {
     aliasing: &'a Aliasing,
     design: &'a JointDesign,
     space: &'a mut JointWorkspace,
+    of: [bool; LANES],
 }
 
 impl Kernel for Unalias<'_> {
@@ -59,7 +60,8 @@ impl Kernel for Unalias<'_> {
     type Output = [Wide; 2];
     #[inline(always)]
     fn run<L: Lanes>(self) -> [Wide; 2] {
-        let Unalias { aliasing, design: d, space: w } = self;
+        let Unalias { aliasing, design: d, space: w, of } = self;
+        let (of, half) = (L::load(&Wide(of.map(f64::from))), L::splat(0.5));
         let (q, paths) = (d.outputs(), d.paths());
         let mut power = [L::splat(0.0); 2];
         let transients = w.iterates.transients.iter();
@@ -96,8 +98,8 @@ impl Kernel for Unalias<'_> {
                     }
                     let at = i * r.lines + m;
                     let y = (L::load(&r.measured.re[at]), L::load(&r.measured.im[at]));
-                    (y.0 - sum.0).store(&mut r.re[at]);
-                    (y.1 - sum.1).store(&mut r.im[at]);
+                    half.select_lt(of, y.0 - sum.0, L::load(&r.re[at])).store(&mut r.re[at]);
+                    half.select_lt(of, y.1 - sum.1, L::load(&r.im[at])).store(&mut r.im[at]);
                     power[0] = sum.0.mul_add(sum.0, sum.1.mul_add(sum.1, power[0]));
                     power[1] = y.0.mul_add(y.0, y.1.mul_add(y.1, power[1]));
                 }
