@@ -47,6 +47,7 @@ from .doubts import (
 )  # fmt: skip
 from .driven_equations import one_cause
 from .driven_loops import COMMAND, command_of, driven_loop
+from .dry_friction import dry_friction
 from .early_outputs import early_output
 from .estimates import Estimates
 from .feedback import feedback
@@ -332,9 +333,10 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, hidden_by_start,
-    acts_by_lag, late_channel, bent, swapped, misweighted, unlike_command, fed_back, noisy_input, short_pulse,
-    driven_loop, coloured_load, eliminated, not_linear, unexplained, missing_states, one_cause, flips,
-    other_signs, other_minimum, unsettled, unstable, condition, noise_mode, uncertain_poles, wandering, twin,
+    acts_by_lag, late_channel, bent, dry_friction, swapped, misweighted, unlike_command, fed_back,
+    noisy_input, short_pulse, driven_loop, coloured_load, eliminated, not_linear, unexplained,
+    missing_states, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition,
+    noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
 # Of code that looks for causes, which must not lose a fit. Tests take it for empty, so that they see errors.
@@ -445,8 +447,9 @@ def check(fit: Estimates, line: str) -> Findings:
         first = (
             coded, in_degrees, stored_late, slow_input, unlike_records, one_record, unseen_event,
             saturated, off_centre, in_other_units, contradicted_numbers, missing_input, unused_output,
-            unrecorded_input, hidden_by_start, acts_by_lag, late_channel, bent, swapped, misweighted,
-            unlike_command, fed_back, noisy_input, driven_loop, eliminated, not_linear, missing_states,
+            unrecorded_input, hidden_by_start, acts_by_lag, late_channel, bent, dry_friction, swapped,
+            misweighted, unlike_command, fed_back, noisy_input, driven_loop, eliminated, not_linear,
+            missing_states,
         )  # fmt: skip
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []
