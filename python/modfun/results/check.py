@@ -54,6 +54,7 @@ from .feedback import feedback
 from .free_motion import bent
 from .held_numbers import contradicted_numbers
 from .hidden_by_start import hidden_by_start
+from .hidden_laws import hidden_law
 from .hidden_units import in_other_units
 from .jumps import flips, jumps
 from .known_drift import drifting
@@ -334,8 +335,8 @@ LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,
     in_other_units, contradicted_numbers, missing_input, unused_output, unrecorded_input, hidden_by_start,
     acts_by_lag, late_channel, bent, dry_friction, swapped, misweighted, unlike_command, fed_back,
-    noisy_input, short_pulse, driven_loop, coloured_load, eliminated, not_linear, unexplained,
-    missing_states, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition,
+    noisy_input, short_pulse, driven_loop, hidden_law, coloured_load, eliminated, not_linear,
+    unexplained, missing_states, one_cause, flips, other_signs, other_minimum, unsettled, unstable, condition,
     noise_mode, uncertain_poles, wandering, twin,
 )  # fmt: skip
 
@@ -448,8 +449,8 @@ def check(fit: Estimates, line: str) -> Findings:
             coded, in_degrees, stored_late, slow_input, unlike_records, one_record, unseen_event,
             saturated, off_centre, in_other_units, contradicted_numbers, missing_input, unused_output,
             unrecorded_input, hidden_by_start, acts_by_lag, late_channel, bent, dry_friction, swapped,
-            misweighted, unlike_command, fed_back, noisy_input, driven_loop, eliminated, not_linear,
-            missing_states,
+            misweighted, unlike_command, fed_back, noisy_input, driven_loop, hidden_law, eliminated,
+            not_linear, missing_states,
         )  # fmt: skip
         told = [said[look] for look in first]
         told += [said[mean]] if said[mean] and is_all(whole) else []

@@ -23,7 +23,7 @@ from .estimates import Estimates
 from .linear_lines import output_lines
 from .origin import wide_band
 
-__all__ = ["beside_turbulence", "driven", "one_cause"]
+__all__ = ["beside_turbulence", "bic_of_driven", "driven", "one_cause", "without_noises"]
 
 GUST = "gust"  # name of the input that nobody measured
 SCALE = 1.0  # s: its length over the airspeed
@@ -51,10 +51,10 @@ def driven(fit: Estimates) -> Cure | None:
     plain = again(fit, fit.records, fit.structure, options)
     if plain is None or not isfinite(sensors := _of_sensors(plain, plain)):
         return None
-    told, after = 'noise="process"', _bic(wide)
+    told, after = 'noise="process"', bic_of_driven(wide)
     for words, other in _of_gusts(fit, fit.structure, options, wide.band):
-        if _bic(other) < after:
-            told, after = words, _bic(other)
+        if bic_of_driven(other) < after:
+            told, after = words, bic_of_driven(other)
     margin = SURELY if len(fit.outputs) > 1 else APART
     if not after < sensors - margin:
         return None
@@ -74,7 +74,7 @@ def beside_turbulence(fit: Estimates) -> Estimates | None:
 @kept
 def one_cause(fit: Estimates) -> Doubt | None:
     """That one gust explains better what a fit takes for noise of each equation by itself."""
-    base = _without_noises(fit)
+    base = without_noises(fit)
     if base is None:
         return None
     fits = _of_gusts(fit, base, on_band(fit, fit.band), fit.band)
@@ -88,7 +88,7 @@ def one_cause(fit: Estimates) -> Doubt | None:
     )
 
 
-def _without_noises(fit: Estimates) -> Any:
+def without_noises(fit: Estimates) -> Any:
     """The model of a fit with a noise for each equation, without inputs that stand for these."""
     model, noise = fit.structure, fit.options.noise
     if fit.layout.rational or fit.process_levels is None or fit.again is None or not fit.records:
@@ -112,7 +112,7 @@ def _with(fit: Estimates, structure: Any, options: Options) -> Estimates | None:
     return found if found is not None and found.success and found.process_levels is not None else None
 
 
-def _bic(driven: Estimates) -> float:
+def bic_of_driven(driven: Estimates) -> float:
     """BIC of a fit with noise in its equations, beside that of others over its band."""
     return float(driven.bic + len(driven.outputs) * np.log(driven.df_resid))
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 from math import log
 
 from ..base.cached import kept
+from ..base.names import series
 from ..models.transfer_function import TransferFunction
 from .coloured_load import coloured_load, in_coloured_noise
-from .cures import WORTH, again, furthest, on_band
-from .diagnosis import level_p
+from .cures import WORTH, again, bic_beside, furthest, on_band
+from .diagnosis import growth, level_p
 from .doubts import Doubt, noise_free
 from .estimates import Estimates
-from .feedback import way_back
+from .feedback import Feedback, way_back
 from .fitted_samples import fitted, stationary
 from .misfit import bends_in_loop, too_large
+from .next_structures import best_cure
 
 __all__ = ["COMMAND", "command_of", "driven_loop"]
 
@@ -49,21 +51,85 @@ def driven_loop(fit: Estimates) -> Doubt | None:
         return None
     best = min(fits, key=lambda word: _bic(fits[word]))
     other = fits[best]
+    if simple := _too_simple(fit, fits, other, loop):
+        return simple
     if _bic(other) > _bic(fits[noise]) - WORTH or not other.success or coloured_load(other):
         return None
     name, was, now, far = furthest(fit, other)
     if fit.success and far < FAR:
         return None
+    told = (
+        f"{loop.channel} follows earlier innovations of {loop.output} (p = {loop.p_value:.1g}): a loop feeds "
+        "back a slow disturbance"
+    )
+    if turned := _turned(fit, other, loop):
+        return Doubt(
+            f'{told}, or what the structure lacks: noise="{best}" is likelier (BIC on one band is '
+            f"{_listed(fits)}), but {turned}. First try another number of poles or a delay, "
+            f"select_order.{_commanded(fit)}",
+            sure=True,
+        )
     low, high = other.band  # in fewer lines of coloured noise what comes back does not cancel
     over = f", band=({low:.4g}, {high:.4g})" if best == "coloured" else ""
-    than = " and ".join(f"{_bic(one):.5g} {WORDS[word]}" for word, one in fits.items() if word != best)
+    than = _listed({word: one for word, one in fits.items() if word != best})
     return Doubt(
-        f"{loop.channel} follows earlier innovations of {loop.output} (p = {loop.p_value:.1g}): a loop feeds "
-        "back a slow disturbance, as that of wind on an aircraft with an autopilot. First try "
-        f'noise="{best}"{over}: BIC on one band is {_bic(other):.5g}, against {than}, and {name} becomes '
+        f'{told}, as that of wind on an aircraft with an autopilot. First try noise="{best}"{over}: BIC on '
+        f"one band is {_bic(other):.5g}, against {than}, and {name} becomes "
         f"{now} (was {was}).{_commanded(fit)}",
         sure=True,
     )
+
+
+def _too_simple(fit: Estimates, fits: dict[str, Estimates], other: Estimates, loop: Feedback) -> Doubt | None:
+    """That a structure next to the fitted one does better in white noise than this one in any noise.
+
+    In a loop what a pole or a delay would explain comes back, too, as a slow disturbance does. Noise of any
+    spectrum then takes the response for its own: of roll rates without the lag of the motors it turned the
+    sign of the gain. Structures are compared in white noise, as in coloured noise zeros enough explain a
+    record by the inverse of the controller.
+    """
+    white = fit.options.replace(noise="output")
+    plain = fit if fit.options.noise == "output" else again(fit, fit.records, fit.structure, white)
+    cure = best_cure(plain, plain.outputs.index(loop.output), loop.channel) if plain else None
+    if cure is None or cure.fit is None or "output" not in fits:
+        return None
+    on_lines = on_band(fit, other.band).replace(noise="output", trend=cure.fit.trend)
+    wider = again(fit, cure.fit.records, cure.fit.structure, on_lines)
+    if wider is None or not (after := bic_beside(wider, fits["output"])) < _bic(other) - WORTH:
+        return None
+    return Doubt(
+        f"Part of the response of {loop.output} to {loop.channel} is missing, and a loop feeds it back (p = "
+        f"{loop.p_value:.1g}). First try {cure.words}: BIC on one band is {after:.5g} in white noise, and "
+        f"without it {_listed(fits)}.",
+        sure=True,
+    )
+
+
+def _listed(fits: dict[str, Estimates]) -> str:
+    """BIC of fits of one structure, with their noise."""
+    return series([f"{_bic(one):.5g} {WORDS[word]}" for word, one in fits.items()])
+
+
+def _turned(fit: Estimates, other: Estimates, loop: Feedback) -> str:
+    """What another noise does to a response that it should only weigh otherwise, in words; "" if nothing."""
+    if growth(other) > 0 >= growth(fit):
+        return "makes a pole unstable"
+    i, j = fit.outputs.index(loop.output), fit.inputs.index(loop.channel)
+    (own, error), (now, spread) = (_at_rest(one, i, j) for one in (fit, other))
+    if not abs(own) > FAR * error:
+        return ""
+    if own * now < 0:
+        return f"turns the sign of the gain of {loop.channel}"
+    return "" if abs(now) > FAR * spread else f"leaves next to nothing of the gain of {loop.channel}"
+
+
+def _at_rest(fit: Estimates, i: int, j: int) -> tuple[float, float]:
+    """The coefficient with the sign of a path's gain at rest, or of what it integrates; its error."""
+    layout = fit.layout
+    at = layout.places[1][i][j] + (layout.numerators[i][j] or 0)
+    place = layout.positions[at]
+    error = 0.0 if place is None else float(fit.spread[place])
+    return float(layout.coefficients(fit.params)[at]), error
 
 
 def _on_one_band(fit: Estimates) -> dict[str, Estimates]:

@@ -29,6 +29,7 @@ from .estimates import Estimates
 from .fitted_samples import measured_lines, stationary
 from .followers import in_loop
 from .further import Explained, event_p
+from .hidden_laws import DRIVES, what_drives
 from .line_tests import colour_of_lines, correlation_of_lines
 from .missing_modes import UNSPOKEN, like_gusts, linear_instead, missing_mode, tone_left
 from .next_structures import best_cure
@@ -62,7 +63,6 @@ AMPLIFIED = 1.5  # ratio of noise levels beyond which products of derivatives ha
 BENT = ("power", "gain", "change")  # what a system does that is not linear, or changes
 LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
 FIRST = 1e9  # of BIC: above what any cure lowers it by
-DRIVES = "seems to drive the equations"
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
 
@@ -375,7 +375,9 @@ def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Dou
     # A servo is little more than a lag or delay of its command, which halves what is left, unlike a gust.
     late = cure and cure.words.startswith(("a lag of the actuator", "a delay of")) and convincing(fit, cure)
     if driving and not late and (noise := driven(fit)) is not None:
-        said.append(_driving(fit, d, noise))
+        level = f"The residuals are {d.level_ratio:.3g} times {reference(fit)} (p = {d.chi2_p:.2g}), "
+        doubt = what_drives(fit, noise, level, at_once=event_p(fit) < UNLIKELY)
+        said.append((doubt, noise.before - noise.after))
     return said
 
 
@@ -400,26 +402,6 @@ def _drift_leaves_more(fit: Estimates) -> bool:
     assert fit.records is not None
     other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
     return other is not None and _uneven(other, LOOK)
-
-
-def _driving(fit: Estimates, d: Diagnosis, cure: Cure) -> tuple[Doubt, float]:
-    """That noise drives the equations, in words, and by how much that lowers BIC."""
-    cause = "One cause, such as a gust," if "ProcessNoise" in cure.words else "Turbulence or load"
-    if event_p(fit) < UNLIKELY:  # gusts have no place in time
-        text = (
-            f"The residuals are {d.level_ratio:.3g} times {reference(fit)} (p = {d.chi2_p:.2g}), most of "
-            "them at one time: an input that is not in the record seems to act, such as a rudder or a flap. "
-            "First look when it does, fit.plot_response(), and add that input to the record; otherwise "
-            f"{cure.words}, with which BIC falls from {cure.before:.4g} to {cure.after:.4g}."
-        )
-        return Doubt(text), cure.before - cure.after
-    text = (
-        f"The residuals are {d.level_ratio:.3g} times {reference(fit)} (p = {d.chi2_p:.2g}), and their "
-        f"spectra are no sensor's. {cause} {DRIVES}, and standard errors are too small; an input that is not "
-        f"in the record, or a missing term, looks alike. First try {cure.words}: BIC falls from "
-        f"{cure.before:.4g} to {cure.after:.4g}."
-    )
-    return Doubt(text), cure.before - cure.after
 
 
 def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:

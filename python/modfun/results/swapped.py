@@ -23,7 +23,7 @@ def swapped(fit: Estimates) -> Doubt | None:
         fit.again is None
         or noise_free(fit)
         or any(rec.mask is not None or rec.sigma is not None for rec in records)
-        # What stands still from sample to sample, as a relay or another command does, is no output under noise.
+        # What stands still from sample to sample, as the command of a relay does, has no noise.
         or any(not np.median(np.abs(np.diff(rec.u[0]))) > 0 for rec in records)
     ):
         return None
