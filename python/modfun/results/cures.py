@@ -18,6 +18,7 @@ from ..models.options import Options
 from ..models.process import ProcessNoise
 from ..records.record import Record
 from .diagnosis import growth, level_p
+from .drifting import DRIFT, drifting, has_constant
 from .estimates import Estimates
 from .lags import EXTRA, LAG, acts_later, lagging, least_time, with_values
 from .neighbours import LEVER, ZERO, absurd, integrals, neighbours, singular
@@ -32,7 +33,6 @@ __all__ = [
     "integral_missing", "likely_cure", "of_written", "on_band", "otherwise", "realigned", "with_drift",
 ]  # fmt: skip
 
-DRIFT = 'trend="linear"'  # words of that cure
 CLOSE = 6.0  # differences of BIC short of strong evidence: of such cures the more likely, the first, is named
 WORTH = 10.0  # by which BIC has to fall for a cure to be named: very strong evidence (Kass and Raftery, 1995)
 ENOUGH = 0.01  # probability of a chi-square as large: a cure that leaves more leaves the noise
@@ -81,7 +81,7 @@ def likely_cure(fit: Estimates) -> Cure | None:
     if not _alterable(fit):
         return None
     before = bic_beside(fit, fit)
-    drifts = fit.trend == "constant" and worth(fit).get(("drift",), inf) > CLOSE
+    drifts = has_constant(fit) or (fit.trend == "constant" and worth(fit).get(("drift",), inf) > CLOSE)
     found = with_drift(fit) if drifts else None
     found = found if found and found.after < before - WORTH else None
     moved = realigned(fit)
@@ -159,8 +159,8 @@ def integral_missing(fit: Estimates) -> Cure | None:
 
 def _alterable(fit: Estimates) -> bool:
     """Whether other equations may be fitted to the records."""
-    made = fit.again is not None and fit.records is not None
-    return made and not fit.layout.rational and fit.process_levels is None and not amplified(fit)
+    made = fit.again is not None and fit.records is not None and fit.process_levels is None
+    return made and not fit.layout.rational and not amplified(fit)
 
 
 def amplified(fit: Estimates) -> bool:
@@ -276,8 +276,7 @@ def realigned(fit: Estimates) -> Realigned | None:
     found = _read_at(fit, shift, shift.late)
     if not refuted or (found and found.level_p > ENOUGH):
         return found
-    term = _missing_term(fit) if worth(fit) else None
-    if term and term.level_p > ENOUGH:
+    if worth(fit) and (term := _missing_term(fit)) and term.level_p > ENOUGH:
         return found
     # Far from its time the first step of the search may go anywhere.
     steps = [k * (records[0].dt or inf) for k in FAR if k > 0 or shift.channel in fit.outputs]
@@ -367,11 +366,12 @@ def convincing(fit: Estimates, cure: Cure) -> bool:
 @kept
 def with_drift(fit: Estimates) -> Cure | None:
     """A drift of the output beside the constant."""
-    if fit.again is None or fit.records is None:
+    words, model, trend = drifting(fit)
+    options = on_band(fit, fit.band).replace(trend=trend)
+    if not (fit.again and fit.records and (other := again(fit, fit.records, model, options, near=True))):
         return None
-    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"), near=True)
-    before = bic_beside(fit, fit)
-    return None if other is None else Cure(DRIFT, before, bic_beside(other, fit), level_p(other))
+    told = words.format(f"{other[EXTRA]:.3g}" if EXTRA in other.param_names else "")
+    return Cure(told, bic_beside(fit, fit), bic_beside(other, fit), level_p(other))
 
 
 def on_band(fit: Estimates, band: tuple[float, float]) -> Options:

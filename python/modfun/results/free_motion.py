@@ -15,9 +15,10 @@ from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.free import Free
 from ..models.transfer_function import TransferFunction
-from .cures import CLOSE, ENOUGH, Cure, again, bic_beside, on_band, with_drift
+from .cures import CLOSE, ENOUGH, WORTH, Cure, again, bic_beside, on_band, with_drift
 from .diagnosis import level_p
 from .doubts import SURE, Doubt
+from .drifting import has_constant
 from .estimates import Estimates
 from .lags import EXTRA
 from .next_structures import best_cure
@@ -48,6 +49,16 @@ def bent(fit: Estimates) -> Doubt | None:
     cure, y = found.cure, fit.outputs[0]
     # Other modes, and a drift, look alike in a short record.
     rivals = [best_cure(fit, 0, None), with_drift(fit) if fit.trend != "linear" else None]
+    drift = rivals[1] if has_constant(fit) else None
+    if drift is not None and drift.after < min(cure.after + CLOSE, drift.before - WORTH):
+        # The offset of an equation moves more often than its stiffness bends.
+        text = (
+            f"The constant of the equation of {y} drifts over the record. First try {drift.words}: BIC falls"
+        )
+        settled = drift.level_p > ENOUGH
+        return Doubt(
+            f"{text} from {drift.before:.4g} to {drift.after:.4g}.", sure=found.p_value < SURE and settled
+        )
     if any(one is not None and one.after < cure.after - CLOSE for one in rivals):
         return None
     # Where the motion is, coloured noise may be stronger than elsewhere.

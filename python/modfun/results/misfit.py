@@ -10,7 +10,6 @@ from ..base.cached import kept
 from ..models.noise import Noise
 from .coloured_load import other_drive
 from .cures import (
-    DRIFT,
     ENOUGH,
     STRONG,
     Cure,
@@ -24,6 +23,7 @@ from .cures import (
 )
 from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, crowded, noise_free, numbers
+from .drifting import drifting, is_drift
 from .driven_equations import driven
 from .estimates import Estimates
 from .fitted_samples import measured_lines, stationary
@@ -319,7 +319,7 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
     if cure is None:
         text += " No structure next to this one explains it: first try select_order."
         return [(Doubt(text, sure), 0.0)] if spoken else []
-    if cure.words == DRIFT:
+    if is_drift(cure.words):
         text = f"The residuals of {y} follow {one.channel} ({chance}), and a slow drift explains that."
     if not spoken:
         text = _above(fit, y)
@@ -368,7 +368,7 @@ def _of_written(fit: Estimates, d: Diagnosis, sure_only: bool) -> list[tuple[Dou
         if term and term.level_p > ENOUGH:
             return [_lacking(fit, term)]
     # A drift of the equations, or noise that drives them, may be what an integral that they lack does.
-    slow = cure is None or (cure.words == DRIFT and not cure.level_p > ENOUGH)
+    slow = cure is None or (is_drift(cure.words) and not cure.level_p > ENOUGH)
     if beyond and slow and (integral := integral_missing(fit)):
         return [_lacking(fit, integral)]
     said = [_lacking(fit, cure)] if cure else []
@@ -386,7 +386,7 @@ def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
     ratio = level_ratio(fit)
     level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {reference(fit)}"
     fallen = f"BIC falls from {cure.before:.4g} to {cure.after:.4g}"
-    if cure.words == DRIFT and not cure.level_p > ENOUGH and _drift_leaves_more(fit):
+    if is_drift(cure.words) and not cure.level_p > ENOUGH and _drift_leaves_more(fit):
         text = (
             f"Part of the response is missing{level}. A drift explains a part of it ({fallen}) and no more: "
             "an input that is not in the record seems to act, such as a flap, a throttle or another control. "
@@ -399,8 +399,8 @@ def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
 
 def _drift_leaves_more(fit: Estimates) -> bool:
     """Whether residual lines of a fit with a drift are those of no stationary white noise, either."""
-    assert fit.records is not None
-    other = again(fit, fit.records, fit.structure, on_band(fit, fit.band).replace(trend="linear"))
+    _, model, trend = drifting(fit)
+    other = again(fit, fit.records, model, on_band(fit, fit.band).replace(trend=trend))
     return other is not None and _uneven(other, LOOK)
 
 
