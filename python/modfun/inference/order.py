@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import count, islice
-from math import inf, isfinite, log, nan
+from math import inf, isfinite, log, nan, pi
 from typing import Any, Unpack
 
 import numpy as np
@@ -141,8 +141,9 @@ def select_order(
     poles : int or iterable of int, default 1 to 5
         Orders that the record cannot determine are left out, with a note.
     zeros : "any", int or iterable of (int or tuple), default "any"
-        "any": every number below that of the poles, the same for all inputs. Else those to try, where the
-        poles allow them; a tuple gives one number an input (None: no path).
+        "any": every number below that of the poles, the same for all inputs; as many as poles, too, where
+        the best of these has a pole beyond the sampling rate (an acceleration, which a force moves at once).
+        Else those to try, where the poles allow them; a tuple gives one number an input (None: no path).
     delay : float or Free, or sequence of these, default 0
         Delay, s, as in `TransferFunction`: known, or estimated for each candidate (`Free` with a `max`).
     progress : {"auto", True, False}
@@ -214,13 +215,30 @@ def select_order(
     structures = candidates(poles, zeros if records[0].inputs else [0], delay)
     for structure in structures:
         structure.layout(records[0].outputs, records[0].inputs)
-    sought = checked.band is None and checked.harmonics is None
+    judged, notes = _raced(records, structures, checked, progress)
+    if isinstance(zeros, str) and records[0].inputs and (far := judged.beyond_samples()):
+        direct = sorted({s.poles for s in structures})
+        structures += [TransferFunction(poles=n, zeros=n, delay=delay) for n in direct]
+        structures.sort(key=lambda s: s.poles)  # zeros of one order stay in their order
+        judged, notes = _raced(records, structures, checked, progress)
+        notes = (far, *notes)
+    return judged.selection(notes)
+
+
+def _raced(
+    records: tuple[Record, ...],
+    structures: list[TransferFunction],
+    options: Options,
+    progress: str | bool,
+) -> tuple[_Judged, tuple[str, ...]]:
+    """Candidates compared on one band, and what was done for it, in sentences."""
+    sought = options.band is None and options.harmonics is None
     rounds, done = 2 + sought, count(1)  # fits by themselves, a look, the comparison; one beside a drift
     with Progress(progress, "select_order", "fits") as bar:
         bar(0, rounds * len(structures) + 1)
-        structures, largest, too_large = _determined(records, structures, checked)
+        structures, largest, too_large = _determined(records, structures, options)
         total = rounds * len(structures) + 1
-        words = decided_by_fit([records], structures, checked, best_of)
+        words = decided_by_fit([records], structures, options, best_of)
         records = read_as(records, words)
 
         def on_candidate() -> None:
@@ -229,15 +247,14 @@ def select_order(
         fits = []
         for structure in structures:
             known = structure is structures[-1] and not words  # the largest was fitted as it looks
-            fits.append(largest if known else fit_quietly(records, structure, checked))
+            fits.append(largest if known else fit_quietly(records, structure, options))
             on_candidate()
-        race = Race(records, checked, structures, tuple(fits), on_candidate)
+        race = Race(records, options, structures, tuple(fits), on_candidate)
         band, least = race.wide() if sought else race.fits[-1].band, race.guideline()
         if sought and not race.apart and least < band[1]:
             look = _Judged(race, race.run(band, LOOK), band)
             band = (band[0], min(band[1], max(least, race.fits[look.best].band[1])))
-        judged = _Judged(race, race.run(band), band)
-        return judged.selection((*in_sentences(words), *too_large))
+        return _Judged(race, race.run(band), band), (*in_sentences(words), *too_large)
 
 
 def _determined(
@@ -371,6 +388,23 @@ class _Judged:
         ranked = [self.best, *np.argsort(self.score, kind="stable").tolist()]
         return change_of_noise(self.fits[k] for k in ranked if isfinite(self.score[k]))
 
+    def beyond_samples(self) -> str:
+        """That the chosen candidate has a pole faster than the samples, in words.
+
+        Such a pole is a constant in the band: b(s)/a(s) with one zero less than poles then stands for an
+        input that acts on the output at once, as a force on an acceleration.
+        """
+        row, structure = self.rows[self.best], self.race.structures[self.best]
+        fastest = float(np.max(np.abs(_poles(row))))
+        rate = 2 * pi / min(float(np.min(np.diff(rec.t))) for rec in self.race.records)
+        if not fastest > rate:
+            return ""
+        return (
+            f"Candidates with as many zeros as poles were added: of those with fewer, {structure!r} was the "
+            f"best, and it has a pole at {fastest:.3g} rad/s, beyond the sampling rate of {rate:.3g} rad/s. "
+            "So it looks where an input acts on the output at once, as a force on an acceleration."
+        )
+
     def drift(self) -> str:
         """That a drift of the output explains the record better than the candidates, in words."""
         for k in dict.fromkeys((self.best, self.lowest)):
@@ -444,9 +478,14 @@ class _Judged:
         )
 
 
+def _poles(row: dict[str, Any]) -> Any:
+    """Those of a candidate, rad/s."""
+    return roots_of(row["fit"].layout.polynomials(row["theta"])[0])
+
+
 def _growth(row: dict[str, Any]) -> float:
     """Largest real part of the poles of a candidate, rad/s."""
-    return float(np.max(roots_of(row["fit"].layout.polynomials(row["theta"])[0]).real))
+    return float(np.max(_poles(row).real))
 
 
 def _chosen(structure: TransferFunction, best: int, score: F64, criterion: str, n: int) -> str:
