@@ -56,7 +56,8 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
 
     g/L*sin(th - o) is the same with -L and o + pi: searches for the offset of an encoder ended at L < 0 in
     one of eight records, and friction c*tanh(w/v) at c and v below 0 in 7 of 12. Of such sets the one of
-    least norm is taken, which has o within half a turn. A start above 0 tells the sign before all others.
+    least norm is taken, which has o within half a turn, as it is where no sign changes. A start above 0 tells
+    the sign before all others.
     """
     words: Any = fit.layout.formulas.words
     free = untold(words)
@@ -65,12 +66,13 @@ def _upright(fit: EquationFit, sought: Callable[..., EquationFit]) -> EquationFi
     def below(x: F64) -> tuple[int, int]:
         return int(np.sum(x[above] < 0)), int(np.sum(x[free] < 0))
 
-    if not any(below(fit.params)):
-        return fit
     from ..equations.symbolic.mirrors import mirrors
-    from ..equations.symbolic.twins import twins
+    from ..equations.symbolic.twins import twins, unwound
 
     compiled = fit.layout.compiled
+    if not any(below(fit.params)):
+        least = unwound(compiled, fit.params) if words["signal_slopes"] else None
+        return fit if least is None else _turned(fit, least, np.zeros(least.size, bool), sought) or fit
     inside = sorted({k for _, k, _ in words["signal_slopes"]})
     every = [*mirrors(compiled, fit.params, inside), *twins(compiled, fit.params)]
     others = [x for x in every if below(x) < below(fit.params)]

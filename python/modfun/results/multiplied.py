@@ -53,7 +53,8 @@ def multiplied(fit: Estimates) -> Doubt | None:
     powers = (IN_PROPORTION, COUNTED) if divided else (IN_PROPORTION,)
     if not (few or even - min(_criterion(records, before, power) for power in powers) > needed):
         return None
-    weighted = [found for power in powers if (found := _weighted(fit, power)) is not None]
+    levels = [rec.y for rec in records] if few else before  # noisy counts that weight themselves bias a fit
+    weighted = [found for power in powers if (found := _weighted(fit, power, levels)) is not None]
     if not weighted:
         return None
     other, after, power = min(weighted, key=lambda one: _criterion(records, *one[1:]))
@@ -81,7 +82,10 @@ def multiplied(fit: Estimates) -> Doubt | None:
 
 _WORDS = {
     IN_PROPORTION: ("the level of the outputs", 'noise="log-normal"'),
-    COUNTED: ("the square root of the outputs, as that of counts does", "rec.weigh(sigma=np.sqrt(rec.y))"),
+    COUNTED: (
+        "the square root of the outputs, as that of counts does",
+        "rec.weigh(sigma=np.sqrt(fit.predict(rec).y))",
+    ),
 }
 
 
@@ -131,13 +135,13 @@ def _divides(fit: Estimates) -> bool:
     return any(one.free_symbols & outputs for one in (*logs, *below))
 
 
-def _weighted(fit: Estimates, power: float) -> tuple[Estimates, list[F64], float] | None:
+def _weighted(fit: Estimates, power: float, levels: list[F64]) -> tuple[Estimates, list[F64], float] | None:
     """The fit with the noise that goes with such a power of the level, and its responses.
 
     Few samples are weighed by their size where sums do not fit their logarithms, or not on that band.
     """
     records, options = fit.records or (), on_band(fit, fit.band)
-    weighed = tuple([rec.weigh(sigma=rec.y**power) for rec in records])
+    weighed = tuple([rec.weigh(sigma=y**power) for rec, y in zip(records, levels, strict=True)])
     logs = power == IN_PROPORTION
     ways = [(records, options.replace(noise="log-normal")) if logs else (weighed, options)]
     for told, how in [*ways, *[(weighed, fit.options)] * _is_few(fit)]:

@@ -9,6 +9,7 @@ from modfun.equations.symbolic.twins import flips
 from modfun.fitting.signs import signed
 from modfun.fitting.single import fit_quietly
 from modfun.models.options import Options
+from scipy.integrate import solve_ivp
 
 TANKS = ["x1' = k*u - a*sqrt(x1)", "x2' = a*sqrt(x1) - b*sqrt(x2)"]
 TRUTH = {"k": 0.5, "a": 0.6, "b": 0.7}
@@ -64,3 +65,19 @@ def test_many_records_have_the_same_sign():
 def test_signs_are_open_where_all_coefficients_are_even(text, count):
     compiled = _tanks(text).compiled(("x2",), ("u",))
     assert len(flips(compiled, np.array([0.5, 0.6, 0.7]))) == count
+
+
+@pytest.mark.parametrize("start", [None, 0.0])
+def test_the_offset_of_an_angle_is_within_half_a_turn(start):
+    """It was 6.323 of 0.04, and a warning listed 25.17, -3.102 and 9.465; from a start once k was -28."""
+    t = np.arange(0, 10, 0.02)
+    th = solve_ivp(
+        lambda _, x: [x[1], -0.2 * x[1] - 28 * np.sin(x[0])], (0, 10), [0.8, 0], t_eval=t, rtol=1e-9
+    ).y[0]
+    params = {} if start is None else {"o": mf.Free(start)}
+    model = mf.Equation("th'' + d*th' + k*sin(th - o) = 0", outputs=["th"], params=params)
+    for seed in range(3):
+        noise = 0.005 * np.random.default_rng(seed).standard_normal(t.size)
+        fit = mf.fit(mf.Record(y=th + 0.04 + noise, dt=0.02, outputs="th"), model)
+        assert fit["o"] == pytest.approx(0.04, abs=0.005)
+        assert fit["k"] == pytest.approx(28, rel=0.01)

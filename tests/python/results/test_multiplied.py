@@ -62,7 +62,7 @@ def warned(y):
 def test_counts_whose_equation_takes_logarithms_are_the_one_warning(cases, seed):
     rng = np.random.default_rng(seed)
     (counted,) = warned(np.maximum(rng.poisson(cases), 1.0))
-    assert "First try rec.weigh(sigma=np.sqrt(rec.y))" in counted
+    assert "First try rec.weigh(sigma=np.sqrt(fit.predict(rec).y))" in counted
     (scaled,) = warned(cases * np.exp(0.05 * rng.standard_normal(61)))
     assert 'First try noise="log-normal"' in scaled
 

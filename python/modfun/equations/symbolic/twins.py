@@ -13,22 +13,23 @@ from .compiled import Compiled
 from .identify import determined
 from .meaning import parameter
 
-__all__ = ["flips", "twins"]
+__all__ = ["flips", "twins", "unwound"]
 
 SEED, STARTS = 20, 40
 FURTHEST = 100  # evaluations from a start: those that arrive take some 20, and others go to infinity
 SAME = 1e-9  # relative difference of coefficients that rounding leaves
 APART = 1e-3  # relative difference of parameters that are others
 MOST = 3
+TURN = 2 * np.pi
 MOST_SIGNS = 10  # parameters, of which every choice of signs is tried
 
 
 def twins(compiled: Compiled, params: F64) -> list[F64]:
     """Other sets of parameters within their bounds that leave all coefficients what they are, at most three.
 
-    Gauss-Newton iterations from points around `params`. Sets that differ in signs alone are left out. There
-    are none where the coefficients are linear in the parameters; where they do not determine these, none is
-    sought.
+    Gauss-Newton iterations from points around `params`. Sets that differ in signs alone are left out, and so
+    are those that differ by whole turns of an angle, but for the one within half a turn. There are none where
+    the coefficients are linear in the parameters; where they do not determine these, none is sought.
     """
     from scipy.optimize import least_squares
 
@@ -41,7 +42,8 @@ def twins(compiled: Compiled, params: F64) -> list[F64]:
         return []
     rng = np.random.default_rng(SEED)
     low, high = _bounds(compiled)
-    found: list[F64] = []
+    least = _unwound(values, params, low, high)
+    found = [] if least is None else [least]
     for _ in range(STARTS):
         start = params * np.exp(rng.normal(size=params.size)) * rng.choice([1.0, 1.0, -1.0], params.size)
         start = np.clip(start, low, high)
@@ -59,6 +61,8 @@ def twins(compiled: Compiled, params: F64) -> list[F64]:
         except (ValueError, FloatingPointError):  # a start at which a coefficient has no value
             continue
         other = ended.x * size
+        if np.all(np.isfinite(other)) and (least := _unwound(values, other, low, high)) is not None:
+            other = least
         others = [params, *found]
         flipped = np.max(np.abs(np.abs(other) - np.abs(params)) / size) < APART
         same = not flipped and np.max(np.abs(ended.fun)) < SAME and np.all((low <= other) & (other <= high))
@@ -67,6 +71,26 @@ def twins(compiled: Compiled, params: F64) -> list[F64]:
         if len(found) == MOST:
             break
     return found
+
+
+def unwound(compiled: Compiled, params: F64) -> F64 | None:
+    """The same parameters with angles within half a turn; None where they are, or none is an angle."""
+    if not np.any(np.abs(params) > np.pi):
+        return None
+    values, _ = _functions(compiled)
+    return None if values is None else _unwound(values, params, *_bounds(compiled))
+
+
+def _unwound(values: Any, params: F64, low: F64, high: F64) -> F64 | None:
+    """The same parameters less whole turns, of those beyond half a turn by which they change nothing."""
+    other, given = params.copy(), values(params)
+    for k in np.flatnonzero(np.abs(params) > np.pi).tolist():
+        less = other.copy()
+        less[k] -= TURN * np.round(other[k] / TURN)
+        same = np.allclose(values(less), given, rtol=SAME, atol=0.0)
+        if same and low[k] <= less[k] <= high[k]:
+            other = less
+    return None if np.array_equal(other, params) else other
 
 
 def flips(compiled: Compiled, params: F64) -> list[F64]:
