@@ -28,9 +28,10 @@ from ..results.cures import CLOSE, again, amplified
 from ..results.diagnosis import high_band_df, level_p
 from ..results.doubts import SURE
 from ..results.fit import Fit
-from ..results.initial_state import find_state
+from ..results.initial_state import begins_in_zero, find_state, from_zero
 from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit, parts_with_values
+from ..results.regression import trend_columns
 from .by_samples import LOGS, deviance, is_few, levels_of, of_response, weights_of
 from .near_singular import near_singular
 from .restarts import SMALLER, compared
@@ -194,7 +195,8 @@ class _Search:
         self.compiled = fit.structure.compiled(fit.outputs, fit.inputs)
         self.wider = self.compiled
         self.terms = TRENDS.index(fit.trend)
-        if self.terms:
+        self.offsets = begins_in_zero(fit)
+        if self.terms and not self.offsets:
             from ..equations.symbolic.ode import with_trend
 
             self.wider = with_trend(self.compiled, self.terms)
@@ -218,9 +220,13 @@ class _Search:
         try:
             model = model_of(self.compiled, params, self.fit.structure)
             for rec in self.records:
-                state = np.zeros(len(model.states)) if self.zero else None
-                _, start = find_state(model, self._beside(rec), self.fit.trend, state)
-                found = (start.trend, start.state[: 0 if self.zero else None])
+                if self.offsets:
+                    here = replace(self.fit, params=Named(params, self.fit.param_names))
+                    found = (from_zero(here, self._beside(rec))[1], np.zeros(0))
+                else:
+                    state = np.zeros(len(model.states)) if self.zero else None
+                    _, start = find_state(model, self._beside(rec), self.fit.trend, state)
+                    found = (start.trend, start.state[: 0 if self.zero else None])
                 x += found
                 scale = float(np.max(np.abs(rec.y)))
                 sizes += [np.maximum(np.abs(own), 1e-3 * scale) for own in found]
@@ -244,7 +250,8 @@ class _Search:
         try:
             every = zip(self.records, self.ys, self.own, self.counts, self.levels, strict=True)
             for rec, told, own, counts, level in every:
-                model = model_of(self.wider, np.append(x[:p], np.zeros(self._trends)), self.fit.structure)
+                inside = 0 if self.offsets else self._trends
+                model = model_of(self.wider, np.append(x[:p], np.zeros(inside)), self.fit.structure)
                 n = 0 if self.zero else len(model.states)
                 mine = np.arange(place, place + self._trends + n)
                 place = int(mine[-1]) + 1 if mine.size else place
@@ -253,8 +260,11 @@ class _Search:
                 starts = moved[at.size - n :] if n else np.zeros((len(model.states), moved.shape[1]))
                 y, _ = model.family(
                     drives(rec, 0.0), rec.t, np.ascontiguousarray(starts), rec.intersample,
-                    RTOL, None, np.ascontiguousarray(moved[: at.size - n]),
+                    RTOL, None, np.ascontiguousarray(moved[: p + inside]),
                 )  # fmt: skip
+                if self.offsets:
+                    trends = moved[p:].reshape(len(y), self.terms, -1)
+                    y = y + np.einsum("itm,tk->imk", trends, trend_columns(rec.t, self.fit.trend))
                 y = self._as_told(y, own[:, None])
                 weights = own / level[:, None]
                 slopes = np.zeros((x.size, rec.y.size))
@@ -276,7 +286,7 @@ class _Search:
 
     @property
     def _trends(self) -> int:
-        return self.terms * len(self.compiled.source)
+        return self.terms * len(self.fit.outputs if self.offsets else self.compiled.source)
 
     def least(self, here: _Point) -> _Point | None:
         """Where steps from a point end at least squares; None where they do not."""

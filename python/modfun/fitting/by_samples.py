@@ -23,7 +23,7 @@ from ..results.diagnosis import fewest_samples, growth
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
 from ..results.fitted_samples import measured_lines
-from ..results.initial_state import simulate_equations, slopes
+from ..results.initial_state import begins_in_zero, from_zero, simulate_equations, slopes
 from ..results.prediction import InitialState
 from ..results.sparse import sparse
 from ..results.unknown_past import from_known_inputs, lead
@@ -215,6 +215,7 @@ class _Descent:
         self.logs = fit.options.noise == LOGS
         self.near: list[F64] = [rec.y for rec in self.records]
         self.starts: list[InitialState | None] = [None] * len(self.records)
+        self.offsets = begins_in_zero(fit)
         self.begins = fit.options.initial_state not in ("unknown", "periodic")  # as it was told
 
     def ended(self) -> Any:
@@ -284,6 +285,9 @@ class _Descent:
     def _simulated(self, fit: Any, k: int) -> tuple[F64, InitialState]:
         """The response of a fit beside the last one to the k-th record."""
         rec = self._beside(self.records[k], self.near[k])
+        if self.offsets:
+            simulated, trend = from_zero(fit, rec)
+            return simulated, InitialState(np.zeros(0), np.zeros((0, 0)), trend)
         if self.begins or fit.layout.rational or fit.structure.linear:
             return fit.simulate(rec)  # type: ignore[no-any-return]
         found = simulate_equations(fit, rec, None, self.starts[k])
@@ -315,7 +319,7 @@ class _Descent:
         return np.concatenate(rows), count
 
     def _slopes(self, params: F64, left: F64) -> F64:
-        if not (self.fit.layout.rational or self.fit.structure.linear):
+        if not (self.offsets or self.fit.layout.rational or self.fit.structure.linear):
             return self._of_integrations(replace(self.fit, params=params))
         found = []
         for k in self.moving:

@@ -388,9 +388,10 @@ def refuse_uneven(late: float, times: F64) -> NoReturn:
     clock = f"if its clock was only rounded, give dt={even:.6g} instead of the times; else " if even else ""
     raise DataError(
         f"fit: a delay of {late:g} s needs even sampling, and the record's steps are uneven; {clock}"
-        f"make it even, rec.resample({grid_step(times):.6g}), or leave the delay out. A held input is taken "
-        "to step where its rows do: where it stepped between rows, add masked rows at these times first, or "
-        "the delay is off by as much"
+        f"make it even, rec.resample({grid_step(times):.6g}), or leave the delay out; of doses at few "
+        'samples shift the rows instead, and compare several lags (page "Doses and blood samples"). A held '
+        "input is taken to step where its rows do: where it stepped between rows, add masked rows at these "
+        "times first, or the delay is off by as much"
     )
 
 

@@ -26,6 +26,7 @@ from .estimates import Estimates
 from .known_start import contradicted_p
 from .lags import none_seen
 from .priors import contradicted_priors
+from .response_call import output_error_call
 
 __all__ = [
     "FINEST",
@@ -175,7 +176,7 @@ def eliminated(fit: Estimates) -> Doubt | None:
         f"Eliminating {hidden} has left products of a signal and a derivative, which amplify noise and are "
         "smoothed: estimates are biased by several of their standard errors whatever the noise, and "
         f"intervals do not hold. First measure {hidden}, or fit the response itself from here, "
-        "mf.rivals.output_error(model, start=dict(fit.params))(rec)."
+        f"{output_error_call(fit)}(rec)."
     )
 
 

@@ -26,9 +26,9 @@ from ..systems.making import ss
 from ..systems.propagate import respond
 from .estimates import Estimates
 from .prediction import InitialState, given_state
-from .regression import regress
+from .regression import regress, trend_columns
 
-__all__ = ["find_state", "linear_columns", "simulate_equations", "slopes"]
+__all__ = ["begins_in_zero", "find_state", "from_zero", "linear_columns", "simulate_equations", "slopes"]
 
 HORIZONS = (1 / 16, 1 / 4, 1.0)  # of the record: a long response from a poor start has many minima
 # First guesses of what is not measured, in units of the outputs' size.
@@ -85,6 +85,42 @@ def simulate_equations(
     back = np.argsort(place)
     simulated, found = find_state(model, rec, fit.trend, None if state is None else state[back])
     return simulated, replace(found, state=found.state[place], cov=found.cov[np.ix_(place, place)])
+
+
+def begins_in_zero(fit: Estimates) -> bool:
+    """Whether trends of a fit of equations are those of its outputs, as records begin in zero beside them.
+
+    A constant in the equations is an offset of what is measured only where the state begins at its steady
+    state, as the past of a fit's sums does. From a state of zero the response would move to that level first,
+    with a time constant of the system.
+    """
+    structure: Any = fit.structure
+    told = fit.options.initial_state
+    if fit.layout.rational:
+        return False
+    zero = isinstance(told, str) and told == "zero"
+    return bool(zero and fit.trend and structure.compiled(fit.outputs, fit.inputs).is_linear)
+
+
+def from_zero(fit: Estimates, rec: Record) -> tuple[F64, F64]:
+    """Outputs of linear equations that begin in zero, with the trend of each output that suits a record.
+
+    Returns
+    -------
+    simulated : (output, time) array
+    trend : array
+        Offset, or offset and slope over the record, of each output; empty without a trend.
+    """
+    structure: Any = fit.structure
+    model = model_of(structure.compiled(fit.outputs, fit.inputs), fit.params, structure)
+    state = np.zeros(len(model.states))
+    forced = model.respond(drives(rec, 0.0), rec.t, state, rec.intersample)
+    drift, weights = trend_columns(rec.t, fit.trend), sample_weights(rec.mask, rec.sigma, rec.y.shape)
+    if not len(drift):
+        return forced, np.zeros(0)
+    each = zip(rec.y - forced, weights, strict=True)
+    found = [regress(left, drift, own).coefficients for left, own in each]
+    return forced + np.array(found) @ drift, np.concatenate(found)
 
 
 def _linear(fit: Estimates, rec: Record, structure: Any, state: F64 | None) -> tuple[F64, InitialState]:

@@ -8,6 +8,7 @@ from ..base.names import listed
 from ..language.parser import Node
 from .doubts import FINEST, Doubt, pieces, rms
 from .estimates import Estimates
+from .response_call import output_error_call
 
 __all__ = ["flips", "jumps"]
 
@@ -53,7 +54,7 @@ def flips(fit: Estimates) -> Doubt | None:
     return Doubt(
         f"sign({name}) takes the sign of noise where {name} goes through zero, which standard errors do not "
         "count: they may be several times too small. First try output error, which integrates the equations, "
-        "mf.rivals.output_error(fit.structure, start=dict(zip(fit.param_names, fit.params))).solve(rec).",
+        f"{output_error_call(fit, 'fit.structure')}.solve(rec).",
         sure=any(_matters(fit, own) for own in signs[name]),
     )
 

@@ -34,6 +34,7 @@ from .line_tests import colour_of_lines, correlation_of_lines
 from .missing_modes import UNSPOKEN, like_gusts, linear_instead, missing_mode, tone_left
 from .next_structures import best_cure
 from .origin import either, gain_of_colour, gain_of_process, hum, origin, position
+from .response_call import output_error_call
 from .sample_levels import seen_noise, slow_beside
 from .worth import worth
 
@@ -405,10 +406,7 @@ def _drift_leaves_more(fit: Estimates) -> bool:
 
 
 def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:
-    """That products of a signal and a derivative have made more of the noise than estimates bear.
-
-    Those that the elimination of a hidden signal has left are named whatever the residuals, by `eliminated`.
-    """
+    """That products of a signal and a derivative amplify noise; `eliminated` has those of hidden ones."""
     formulas = getattr(fit.layout, "formulas", None)  # of equations
     if formulas is None or not d.chi2_p < SURE or not d.level_ratio > AMPLIFIED:
         return None
@@ -417,7 +415,7 @@ def _of_products(fit: Estimates, d: Diagnosis) -> Doubt | None:
     return Doubt(
         "Products of a signal and a derivative are left in the equation, which amplify noise, and the "
         f"residuals are {d.level_ratio:.3g} times {reference(fit)}: estimates may be off by much more than "
-        "their errors. First fit the response itself, mf.rivals.output_error(model)."
+        f"their errors. First fit the response itself, {output_error_call(fit, start='')}."
     )
 
 

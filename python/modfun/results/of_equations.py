@@ -23,8 +23,9 @@ from ..records.corners import driving
 from ..records.record import Record
 from .fit import Fit
 from .gradients import differences
-from .initial_state import simulate_equations
+from .initial_state import begins_in_zero, from_zero, simulate_equations
 from .prediction import InitialState
+from .response_call import output_error_call
 from .sample_levels import beside_samples, square_beside
 
 __all__ = ["HUGE", "EquationFit", "parts_with_values"]
@@ -235,7 +236,7 @@ class EquationFit(Fit):
                 f"{said(whole)} has no value at {bad.size} of {values.size} samples of record {k}, first at "
                 f"t = {rec.t[first]:.4g} s, where {said(inner)} is {values[first]:.3g}: cut the record to "
                 f"where {said(inner)} stays above {least:.3g}{clear}, such as {parts}{given}. An output "
-                f"error takes all of it, from starts, mf.rivals.output_error(model, start={{{starts}}})."
+                f"error takes all of it, from starts, {output_error_call(self, start=f'{{{starts}}}')}."
             )
         return ""
 
@@ -340,6 +341,12 @@ class EquationFit(Fit):
         for k, (own, longer) in enumerate(zip(self.records or (), self.with_past or (), strict=False)):
             if own == rec and not isinstance(self.options.initial_state, str):
                 return simulate_equations(self, rec, self.options.states(len(self.lines))[k])
+            if own == rec and self.by_response and begins_in_zero(self):
+                # The samples before it have the level that sums gave them.
+                simulated, _ = from_zero(self, rec)
+                _, free = simulate_equations(self, rec, None)
+                _, initial = simulate_equations(self, rec._like(y=simulated, mask=None, sigma=None), None)
+                return simulated, replace(initial, cov=free.cov, trend_cov=free.trend_cov)
             if own == rec:
                 simulated, past = simulate_equations(self, longer, None)
                 simulated = simulated[:, -rec.t.size :]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import log, sqrt
 from typing import Any
 
@@ -15,7 +16,8 @@ from ..errors import ModfunError
 from ..records.mask import sample_weights
 from .doubts import Doubt
 from .estimates import Estimates
-from .initial_state import slopes
+from .initial_state import begins_in_zero, from_zero, slopes
+from .regression import trend_columns
 
 __all__ = ["durbin_watson", "in_samples", "serial"]
 
@@ -60,10 +62,25 @@ def serial(fit: Estimates) -> Doubt | None:
     return Doubt(
         f"The residuals of {listed([fit.outputs[i] for i in told])} follow each other from sample to sample "
         f"(Durbin-Watson {tests[least][0]:.2g}, p = {p[least]:.2g}): the response misses a part of the "
-        "motion that is slower than the samples. First try a further term or hidden signal, such as a second "
-        "compartment; fit.plot_response() shows where it is missed.",
+        f"motion that is slower than the samples. {_first(fit, least)}; fit.plot_response() shows where it "
+        "is missed.",
         sure=p[least] < RARE,
     )
+
+
+def _first(fit: Any, i: int) -> str:
+    """What to try: an offset of the output first where one step to it leaves residuals as of white noise."""
+    term = "a further term or hidden signal, such as a second compartment"
+    if fit.trend is None and fit.layout.compiled.is_linear:
+        part = _of_output(fit, i, "constant")
+        _, p = durbin_watson([e for e, _ in part], _common(part, fit.params.size))
+        if p > UNLIKELY:
+            name = fit.outputs[i]
+            return (
+                f'First try an offset of {name}, trend="constant", as of a baseline of the measurement, '
+                f"which would leave nothing of that (p = {p:.2g}), and then {term}: the lower BIC decides"
+            )
+    return f"First try {term}"
 
 
 def _is_exact(fit: Any, parts: Sequence[Part]) -> bool:
@@ -127,16 +144,23 @@ def _below(weights: F64) -> float:
     return float(ndtr(w + log(v / w) / w))
 
 
-def _of_output(fit: Any, i: int) -> Part:
-    """Residuals of an output of each record where samples count, and their slopes, in units of the noise."""
+def _of_output(fit: Any, i: int, trend: str | None = None) -> Part:
+    """Residuals of an output of each record where samples count, and their slopes, in units of the noise.
+
+    `trend`: of the output, whose slopes are wanted, too.
+    """
     parts = []
     p, logs = fit.params.size, fit.options.noise == "log-normal"
     zero = fit.options.initial_state == "zero"
     for rec, level in zip(fit.records, fit.noise_levels, strict=True):
         simulated, start = fit.simulate(rec, "zero" if zero else None)
+        if begins_in_zero(fit):
+            simulated, start = from_zero(fit, rec)[0], replace(start, trend=np.zeros(0))
         each = slopes(fit, rec, start)[:, i]
         if zero:
             each = np.delete(each, np.s_[p : p + start.state.size], axis=0)
+        trend = fit.trend if begins_in_zero(fit) else trend
+        each = np.vstack([each, trend_columns(rec.t, trend)])
         weights = sample_weights(rec.mask, rec.sigma, rec.y.shape)[i]
         counts = (weights > 0) & (not logs or (simulated[i] > 0) & (rec.y[i] > 0))
         model, y, weights = simulated[i, counts], rec.y[i, counts], weights[counts] / level[i]

@@ -16,6 +16,7 @@ from .cures import again
 from .doubts import Doubt, rms
 from .estimates import Estimates
 from .misfit import suspicious
+from .response_call import output_error_call
 
 __all__ = ["of_sums", "sparse"]
 
@@ -74,10 +75,10 @@ def _widest(fit: Estimates) -> tuple[float, str]:
 
 def _cure(fit: Estimates) -> str:
     """More samples, or what needs no sums."""
-    steps = "as scipy.optimize.least_squares does."
+    steps = "as scipy.optimize.least_squares does"
     if isinstance(fit.structure, Equation):  # others' times have to be even
-        steps = "mf.rivals.output_error(model, start=dict(fit.params))(rec)."
-    return BIASED + steps
+        steps = f"{output_error_call(fit)}(rec)"
+    return f"{BIASED}{steps}."
 
 
 def _unsettled(fit: Estimates) -> Doubt | None:
@@ -92,6 +93,18 @@ def _unsettled(fit: Estimates) -> Doubt | None:
     return Doubt(
         "Sums over the samples err, since the signals move between them: they are "
         f"{upto}{step:.3g}{unit} apart. The correction by the fit's own response did not settle. {_cure(fit)}"
+        f"{_late(fit)}"
+    )
+
+
+def _late(fit: Estimates) -> str:
+    """What no search finds where the equations lack it: that an input acts later than its rows."""
+    if fit.options.initial_state != "zero" or not fit.inputs:
+        return ""
+    return (
+        " If that ends on a bound or in an error, the equations lack something, whatever the search: "
+        f"where {fit.inputs[0]} acts late, as a dose before its absorption begins, give rows with it shifted "
+        'and compare several lags (page "Doses and blood samples").'
     )
 
 
