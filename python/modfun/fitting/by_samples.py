@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import nan
+from math import nan, pi
 from typing import Any, TypeVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from ..results.estimates import COVARIANCES
 from ..results.fitted_samples import measured_lines
 from ..results.initial_state import begins_in_zero, from_zero, simulate_equations, slopes
 from ..results.prediction import InitialState
+from ..results.sample_levels import square_beside
 from ..results.sparse import sparse
 from ..results.unknown_past import from_known_inputs, lead
 
@@ -45,6 +46,7 @@ LEAST = 1e-6  # of the level that lines show: records without noise
 SETTLED = 0.02  # of a standard error: a move that ends the rounds
 SMALL = 1e-6  # of the sum of squares: a gain so small that rounding hides it, and steps need not find it
 ASTRAY = 10.0  # times the level of lines: what a wrong model, or chaos, leaves; minima leave below 4
+OTHER = 3.0  # times the noise beside neighbouring samples: left by other models; right ones leave 1.0 to 1.2
 SLOW = 0.7  # of the level before a step: no way to a minimum from so far; others halve it or more
 
 
@@ -165,7 +167,18 @@ def is_few(fit: Any) -> bool:
     if has_gaps(fit):
         return True
     unstable = fit.usable and bool(fit.inputs) and growth(fit) > 0  # as in a loop, which simulations leave
-    return not unstable and fewest_samples(fit) < FEW_SAMPLES
+    return not unstable and (fewest_samples(fit) < FEW_SAMPLES or _has_long_steps(fit))
+
+
+def _has_long_steps(fit: Any) -> bool:
+    """Whether the longest steps of uneven samples leave few a period, and the model is not another.
+
+    Sums err by what runs in the longest steps: a few of random instants are five times as long as the mean.
+    What a wrong model leaves is no such error, and to search for its least squares would take long.
+    """
+    longest = [float(np.diff(rec.t).max()) for rec in fit.records if rec.dt is None]
+    few = any([FEW_SAMPLES * fit.band[1] * step > 2 * pi for step in longest])
+    return few and not square_beside(fit) > OTHER**2
 
 
 def _at_few(fit: AnyFit) -> AnyFit:
@@ -187,7 +200,7 @@ def _at_few(fit: AnyFit) -> AnyFit:
     error = np.sqrt(fit.cov_nonrobust.diagonal())
     if fit.options.noise == LOGS or has_gaps(fit):
         return found
-    if sparse(replace(found, noise_cov=fit.noise_cov)) is not None:  # the lines are quieter: another model
+    if sparse(replace(fit, params=found.params)) is not None:  # the lines are quieter: another model
         return fit
     move = np.abs(found.params - fit.params)[error > 0] / error[error > 0]
     wider = (error / np.sqrt(found.cov_nonrobust.diagonal()))[error > 0]
@@ -344,7 +357,7 @@ class _Descent:
         """The fit with these parameters, and covariances on the scale of those of least squares."""
         left, count = self._left(params)
         steep, fit = self._slopes(params, left), self.fit
-        if self.logs or has_gaps(fit):
+        if self.logs or is_few(fit):
             return self._in_white_noise(params, steep, max(count - params.size, 1))
         square = float(left @ left) / max(count - params.size, 1)
         scale = np.zeros(params.size)
