@@ -200,7 +200,7 @@ def _of_group(
         slow = moved is not None and moved is first and lag == moved.shift.channel
         likelier = moved is not None and found is first and (slow or words.startswith(LEVER))
         bar = moved.after + CLOSE if moved and likelier else best
-        if not (isfinite(after) and after < bar) or _odd_time(fit, words, extra) or absurd(fit, key, extra):
+        if not (isfinite(after) and after < bar) or _odd_time(fit, words, other) or absurd(fit, key, extra):
             continue
         if singular(other) or (words.startswith("a delay") and _part_of_a_step(fit, other, extra)):
             continue
@@ -344,10 +344,10 @@ def earlier_by(
     return words, tuple([rec.assign(**row) for rec, row in zip(records, rows, strict=True)])
 
 
-def _odd_time(fit: Estimates, words: str, value: float) -> bool:
-    """Whether a lag or delay is one that no record could show: far below its step, or longer than it is."""
-    records = fit.records or ()
-    return "{} s)" in words and not least_time(fit) < value < max(rec.duration for rec in records)
+def _odd_time(fit: Estimates, words: str, other: Estimates) -> bool:
+    """Whether a lag or delay is one that no record shows: far below its step, longer, or within its error."""
+    least, longest = least_time(fit), max(rec.duration for rec in fit.records or ())
+    return "{} s)" in words and not max(least, 2 * other.bse[EXTRA]) < other[EXTRA] < longest
 
 
 def _part_of_a_step(fit: Estimates, other: Estimates, late: float) -> bool:
