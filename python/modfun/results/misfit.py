@@ -300,14 +300,17 @@ def _further(fit: Estimates, one: Explained, sure: bool, spoken: bool) -> list[t
         settled = drift is not None and drift.level_p > UNLIKELY > SURE > level_p(fit)
         return [(Doubt(_words(fit, one, y, chance), settled), one.bic)] if spoken or settled else []
     if one.what != "response":
-        cure = linear_instead(fit, one) if one.what in BENT else None
+        bent = one.what in BENT
+        drift = with_drift(fit) if bent and fit.trend == "constant" and level_p(fit) < SURE else None
+        slow = drift is not None and drift.level_p > UNLIKELY
+        cure = drift if slow else linear_instead(fit, one) if bent else None
         text, fall = _words(fit, one, y, chance), one.bic
         if cure:
             start, _, _ = text.partition(chance)
             fall = cure.before - cure.after
             text = (
-                f"{start}{chance}). A linear structure explains them, too. First try "
-                f"{cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
+                f"{start}{chance}). A {'slow drift' if slow else 'linear structure'} explains them, too. "
+                f"First try {cure.words}: BIC falls from {cure.before:.4g} to {cure.after:.4g}."
             )
         if one.what in LIKE_GUSTS and level_p(fit) < SURE and like_gusts(fit, cure):
             text += (
