@@ -212,7 +212,7 @@ class Lines:
         np.subtract.at(coefficients, self.equation[which], theta[:, None, None] * self.candidates[which])
         through = np.einsum("eps,sct->epct", coefficients, self.slopes, optimize=True)
         factor = self._factor(through) if np.all(np.isfinite(through)) else None
-        if factor is None or not np.all(np.isfinite(factor)):
+        if factor is None or not np.all(np.isfinite(factor * self.spread)):
             return None
         residual = self.target_lines.copy()
         np.subtract.at(residual, self.equation[which], theta[:, None] * self.candidate_lines[which])

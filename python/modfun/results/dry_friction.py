@@ -33,6 +33,7 @@ from .next_structures import best_cure
 __all__ = ["dry_friction"]
 
 WIDTH = 0.005  # of the largest rate: within it friction turns, smoothly, so that slopes of the response tell
+BOTH = 0.1  # of the largest rate: that of the other way, at least
 CLEAR = 6.0  # standard errors of friction from zero
 LESS = 4.0  # times less power: what leaves more than the noise is named where it explains so much
 SMALL = 0.01  # of what moves: a size of unknowns that may be zero
@@ -123,6 +124,8 @@ def _words(fit: Estimates) -> _Words | None:
     plain = Equation(text, outputs=y, inputs=fit.inputs)
     force, offset, rate = (unused(name, plain) for name in ("friction", "offset", f"{y}_rate"))
     moves = [_motion(rec, row, n)[-1] for rec, row in _responses(fit)]
+    if not any([min(-row.min(), row.max()) > BOTH * np.max(np.abs(row)) for row in moves]):
+        return None  # a motion one way has no friction that is told from a constant rate
     width = f"{WIDTH * max([float(np.max(np.abs(row))) for row in moves]):.1g}"
     start = dict(zip(fit.param_names, fit.params.tolist(), strict=True))
     sides[own[0]] = f"{sides[own[0]].rstrip()} + {force}*tanh({rate if n == 2 else y}/{width})"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .cures import ENOUGH, again
-from .diagnosis import level_p
+from .diagnosis import growth, level_p
 from .doubts import SURE, Doubt, noise_free
 from .estimates import Estimates
 
@@ -31,6 +31,9 @@ def swapped(fit: Estimates) -> Doubt | None:
     options = fit.options.replace(band=None, harmonics=None)
     other = again(fit, turned, fit.structure, options)
     if other is None or not other.success or not ENOUGH < level_p(other) < 1 - SURE:
+        return None
+    # Turned round, edges of a square wave between samples look like an unstable pole that the noise hides.
+    if growth(other) > 0 >= growth(fit):
         return None
     # An input of all frequencies is its own high band, and nothing explains it.
     if any(other.high_band_levels[0] > MOST * rec.u.std() for rec in records):
