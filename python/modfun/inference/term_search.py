@@ -132,7 +132,9 @@ class Search:
         first = best = self._divided(ends)
         coloured = self._contradicts(first.excess, first.freedom)
         if coloured:
-            theta, which = whole.theta if np.isfinite(whole.cost) else best.moments.estimate(every), every
+            # A library that leaves more than a part of it went astray.
+            near = whole.cost <= best.estimate.cost
+            theta, which = whole.theta if near else best.moments.estimate(every), every
             for _ in range(COLOURINGS):
                 for one in self.lines:
                     one.colour(theta, which)
