@@ -10,7 +10,7 @@ from ..base.cached import kept
 from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.free import Free
-from .cures import CLOSE, again, bic_beside, on_band
+from .cures import CLOSE, WORTH, again, bic_beside, on_band
 from .doubts import Doubt
 from .estimates import Estimates
 from .lags import EXTRA, unused
@@ -18,7 +18,7 @@ from .neighbours import with_offset
 
 __all__ = ["apart", "as_written", "curved", "taken_for_constant", "undriven", "with_written"]
 
-FAR = 5.0  # standard errors between estimates with an offset and with a constant, by either's own
+FAR = 5.0  # standard errors between estimates with an offset and with a constant, by the larger of their own
 
 
 def undriven(fit: Estimates) -> bool:
@@ -96,6 +96,11 @@ def taken_for_constant(fit: Estimates) -> Doubt | None:
         written = None
     others = [other for other in (offset and offset[1], written) if other is not None]
     if not any(apart(fit, fit, other)[-1] > FAR for other in others):
+        return None
+    # With 2 degrees of freedom 5 errors are little: the record has to contradict the law without both, too.
+    without = again(fit, fit.records or (), fit.structure, options)
+    least = min(bic_beside(other, fit) for other in others)
+    if without is not None and without.success and not least < bic_beside(without, fit) - WORTH:
         return None
     told = 'trend="constant" is a constant in the equation as it is fitted'
     if offset is None:
