@@ -414,7 +414,7 @@ def _other_form(fit: Estimates, constant: float) -> str:
     first = "First try" if after < constant - CLOSE else "As likely as a constant is"
     return (
         f"{first} a term in {alike}: BIC falls from {before:.4g} to {after:.4g}, and with a constant "
-        f"to {constant:.4g}. For an offset: "
+        f"to {constant:.4g}. Otherwise "
     )
 
 
