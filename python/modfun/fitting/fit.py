@@ -104,8 +104,8 @@ def fit(
         one (of equations, with 8 degrees of freedom where samples allow it), "ls" and "wls" take M = 3 times
         the number of parameters and trend terms (report, eq. (20)).
     trend : {"auto", "constant", "linear", None}
-        Offset (and slope) estimated for each output of each record; for equations, a constant (and slope)
-        per equation. "auto" is "constant", and None for an `Equation`, where one is written ``+ c``.
+        Offset (and slope) of each output of each record; of equations, a constant (and slope) in each, no
+        offset of what enters nonlinearly, ``(y - c)``. "auto": "constant", None of an `Equation` (``+ c``).
     noise : {"output", "process", "equation", "coloured", "errors-in-variables", "log-normal"} or object
         What the residuals are weighted by. "output": white on the samples of the outputs, their covariance
         unknown (of several outputs estimated in full, by alternation); "process": white noise drives each

@@ -15,6 +15,7 @@ from ..base.waiting import Waiting
 from ..records.steady import QUIET, standing
 from .actuators import limited_input, unlike_command
 from .band_end import beyond
+from .baselines import taken_for_constant
 from .coloured_load import coloured_load
 from .computed_channels import computed_channel
 from .cures import DRIFT, ENOUGH, again, convincing, furthest
@@ -330,6 +331,7 @@ def misbegun(fit: Estimates) -> Doubt | None:
 # What a fit looks at by itself, in the order of what its one warning says first.
 LOOKS: tuple[Callable[[Estimates], Doubt | None], ...] = (
     coded, nothing_free, never_apart, in_degrees, jumps, unlike_records, one_record, unforced, offset, mean,
+    taken_for_constant,
     repeated, sparse, not_from_zero, runaway, unseen_event, noise_bends, too_many_poles, early_output,
     limited_input, bounded, drifts, misbegun,
     unexpected, stored_late, stands_still, slow_input, saturated, in_two_units, off_centre,

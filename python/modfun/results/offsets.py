@@ -15,6 +15,7 @@ from ..base.cached import kept
 from ..equations.equation import Equation
 from ..errors import ModfunError
 from ..models.free import Free
+from .baselines import apart, as_written, curved, undriven, with_written
 from .contained import contained
 from .cures import (
     CLOSE,
@@ -126,20 +127,31 @@ def unanswered(fit: Estimates) -> Doubt | None:
     spread, means = _motion(fit)
     if not np.any(np.abs(means) > spread):
         return None
+    told = (
+        f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, and equations without a "
+        "constant have no answer: "
+    )
+    for y, structure, _ in with_offset(fit.structure) if curved(fit) else ():
+        other = again(fit, fit.records, structure, fit.options)
+        if other is not None and other.success and EXTRA in other.param_names and level_p(other) > SURE:
+            c = unused("c", fit.structure)
+            return Doubt(
+                f'{told}an offset is missing. Write ({y} - {c}) for {y}, params={{"{c}": mf.Free(0)}}, which '
+                f"leaves the noise alone: {c} = {other[EXTRA]:.4g}, {_values(fit, other)}."
+            )
     other = again(fit, fit.records, fit.structure, fit.options.replace(trend="constant"))
     if other is None or not other.success or not level_p(other) > SURE:
         return None
-    found = ", ".join(
-        [
-            f"{name} = {other[name]:.4g} ± {se:.2g}"
-            for name, se in zip(fit.param_names, other.bse, strict=True)
-        ]
-    )
     return Doubt(
-        f"The outputs move by {numbers(spread)} (rms) about {numbers(means)}, and equations without a "
-        "constant have no answer: gravity, trim or an offset is missing. Fit with "
-        f'trend="constant", which leaves the noise alone: {found}.'
+        f'{told}gravity, trim or an offset is missing. Fit with trend="constant", which leaves the noise '
+        f"alone: {_values(fit, other)}."
     )
+
+
+def _values(fit: Estimates, other: Estimates) -> str:
+    """What another fit has for the parameters of a fit."""
+    rows = [(name, other.param_names.index(name)) for name in fit.param_names]
+    return ", ".join([f"{name} = {other.params[k]:.4g} ± {other.bse[k]:.2g}" for name, k in rows])
 
 
 def _motion(fit: Estimates) -> tuple[F64, F64]:
@@ -210,7 +222,7 @@ def _bent(fit: Estimates) -> str:
     return (
         f"The means of {names} are {numbers(means)}, of motions of {numbers(spread)} (rms), and a constant "
         f"lowers the residuals from {numbers(levels)} to {numbers(left)}: channels have an offset"
-        f"{', or the law has another form' if _undriven(fit) else ''}."
+        f"{', or the law has another form' if undriven(fit) else ''}."
     )
 
 
@@ -334,20 +346,41 @@ def _numbered(model: Equation) -> Iterator[tuple[str, list[str], int]]:
 
 
 def _constant(fit: Estimates) -> tuple[str, float]:
-    """The first cure of an offset, of a channel where that explains more than a constant, and BIC so."""
-    other = with_constant(fit)
+    """The first cure of an offset, of a channel where that explains more than a constant, and BIC so.
+
+    A law that nothing drives has no trim: there the offset of a sensor comes first where it explains as much.
+    With a constant instead, logistic growth over a baseline had K 17 to 34 errors too large.
+    """
+    written = with_written(fit) if curved(fit) else None
+    other = with_constant(fit) if written is None else written
     after = math.inf if other is None else bic_beside(other, fit)
-    if (found := _offset_of(fit, after)) is not None:
+    found = _offset_of(fit, after, alike=curved(fit))
+    if found is not None and found.after < after - CLOSE:
         return found.words, found.after
-    form = _other_form(fit, after) if _undriven(fit) else ""
+    form = _other_form(fit, after) if undriven(fit) else ""
+    if found is not None and other is not None:
+        words = f"w{found.words[1:]}" if form else found.words
+        return f"{form}{words} {_as_inflow(fit, found.fit, other, after)}", min(found.after, after)
+    if written is not None:
+        name, was, now, _ = apart(fit, fit, written)
+        return (
+            f"{form}{'w' if form else 'W'}rite a constant into the equation, {as_written(fit, written)}: "
+            f"{name} is {was} without and {now} with it. An offset of one output, as (y - c) for y, explains "
+            "less.",
+            after,
+        )
     cure = 'it with trend="constant", or write a constant into the equation.'
     return f"{form}{'f' if form else 'F'}{cure}{_both_ways(fit)}", after
 
 
-def _undriven(fit: Estimates) -> bool:
-    """Whether a law is nonlinear and nothing drives it: it has no trim, and its form is often a guess."""
-    model = fit.structure
-    return isinstance(model, Equation) and not (model.linear or model.inputs or model.hidden)
+def _as_inflow(fit: Estimates, offset: Estimates, other: Estimates, after: float) -> str:
+    """That a constant in each equation explains as much as an offset, and what it changes most."""
+    name, sensor, process, _ = apart(fit, offset, other)
+    return (
+        f"The constant, {as_written(fit, other)}, explains as much, with BIC {after:.4g}, but then {name} is "
+        f"{process}, and {sensor} with the offset. The record does not tell which it is: write the offset "
+        "for a sensor with a baseline, the constant for a process with an inflow."
+    )
 
 
 def _other_form(fit: Estimates, constant: float) -> str:
@@ -381,7 +414,7 @@ def _other_form(fit: Estimates, constant: float) -> str:
     first = "First try" if after < constant - CLOSE else "As likely as a constant is"
     return (
         f"{first} a term in {alike}: BIC falls from {before:.4g} to {after:.4g}, and with a constant "
-        f"to {constant:.4g}. For an offset: "
+        f"to {constant:.4g}. Otherwise "
     )
 
 
@@ -393,17 +426,19 @@ class _Offset:
     trend: str | None
     settles: bool
     after: float
+    fit: Estimates
 
 
-def _offset_of(fit: Estimates, other: float) -> _Offset | None:
+def _offset_of(fit: Estimates, other: float, *, alike: bool = False) -> _Offset | None:
     """The offset of a channel that explains an equation's residuals better than a constant does.
 
-    `other`: BIC with a constant. Where outputs are deviations, too, the offset needs one beside it.
+    `other`: BIC with a constant. Where outputs are deviations, too, the offset needs one beside it. `alike`:
+    an offset without one may also explain about as much.
     """
     if fit.again is None or fit.records is None:
         return None
     found, before = None, bic_beside(fit, fit)
-    best = min(other, before) - CLOSE
+    best = before - CLOSE
     for x, structure, _ in with_offset(fit.structure):
         for trend in dict.fromkeys((fit.trend, "constant")):
             made = again(
@@ -411,7 +446,8 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
             )
             if made is None or not made.success or EXTRA not in made.param_names:
                 continue  # an output of which only derivatives act has none
-            if not (after := bic_beside(made, fit)) < best:
+            bar = other + (CLOSE if alike and trend == fit.trend else -CLOSE)
+            if not (after := bic_beside(made, fit)) < min(best, bar):
                 continue
             if abs(made[EXTRA]) > ABSURD * max(float(np.nanmax(np.abs(rec[x]))) for rec in fit.records):
                 continue
@@ -423,7 +459,9 @@ def _offset_of(fit: Estimates, other: float) -> _Offset | None:
                 f"{made[EXTRA]:.4g}, and BIC falls from {before:.4g} to {after:.4g}. A constant in the "
                 f"equation is not the same, since {x} does not enter linearly."
             )
-            found = _Offset(words, trend, convincing(fit, Cure("", before, after, level_p(made))), after)
+            found = _Offset(
+                words, trend, convincing(fit, Cure("", before, after, level_p(made))), after, made
+            )
     return found
 
 
