@@ -81,3 +81,13 @@ def test_the_offset_of_an_angle_is_within_half_a_turn(start):
         fit = mf.fit(mf.Record(y=th + 0.04 + noise, dt=0.02, outputs="th"), model)
         assert fit["o"] == pytest.approx(0.04, abs=0.005)
         assert fit["k"] == pytest.approx(28, rel=0.01)
+
+
+def test_the_search_for_other_parameters_is_silent_where_a_logarithm_has_none():
+    """Growth by Gompertz's law printed "invalid value encountered in log" at each fit."""
+    t = np.linspace(0, 24, 41)
+    y = 1.5 * np.exp(np.log(0.05 / 1.5) * np.exp(-0.25 * t))
+    y += 0.03 * np.random.default_rng(0).standard_normal(t.size)
+    bounded = {"r": mf.Free(0.3, min=0), "K": mf.Free(1, min=0.01)}
+    fit = mf.fit(mf.Record(y={"y": y}, t=t), mf.Equation("y' = r*y*log(K/y)", params=bounded))
+    assert fit["K"] == pytest.approx(1.5, rel=0.1)

@@ -124,7 +124,12 @@ def _functions(compiled: Compiled) -> tuple[Any, Any]:
     if not names or not matrix.free_symbols:
         return None, None
     value, slope = (sympy.lambdify([names], expr, "numpy") for expr in (sympy.Matrix(own), matrix))
+
+    def at(function: Any, x: F64, shape: tuple[int, ...]) -> F64:
+        with np.errstate(all="ignore"):  # what has no value there is no number, and a search ends
+            return np.asarray(function(x), dtype=float).reshape(shape)
+
     return (
-        lambda x: np.asarray(value(x), dtype=float).ravel(),
-        lambda x: np.asarray(slope(x), dtype=float).reshape(len(own), len(names)),
+        lambda x: at(value, x, (len(own),)),
+        lambda x: at(slope, x, (len(own), len(names))),
     )
