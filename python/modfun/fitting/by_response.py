@@ -32,12 +32,13 @@ from ..results.initial_state import begins_in_zero, find_state, from_zero
 from ..results.misfit import PLAUSIBLE, UNLIKELY
 from ..results.of_equations import EquationFit, parts_with_values
 from ..results.regression import trend_columns
+from . import by_samples
 from .by_samples import LOGS, deviance, is_few, levels_of, of_response, weights_of
 from .near_singular import near_singular
 from .restarts import SMALLER, compared
 from .scales import sizes
 
-__all__ = ["by_response"]
+__all__ = ["by_response", "sample_likelihood"]
 
 BENT = 0.2  # `EquationFit.bend` from which on terms with noise inside have moved estimates by their errors
 STEP = 1e-6  # of an unknown's size: the difference that stands for its derivative
@@ -73,6 +74,22 @@ def by_response(fit: Fit) -> Fit:
             return _found(fit)
     except (ModfunError, np.linalg.LinAlgError):
         return fit
+
+
+def sample_likelihood(fit: Fit) -> tuple[float, int, int] | None:
+    """As that of `by_samples`; of equations as they are searched here, where records may begin in zero."""
+    plain = fit.options.output_weights is None and fit.options.initial_state in ("unknown", "zero")
+    if not (isinstance(fit, EquationFit) and plain) or fit.layout.free_delays:
+        return by_samples.sample_likelihood(fit)
+    try:
+        with np.errstate(all="ignore"):
+            search = _Search(fit)
+            here = search.at(fit.params)
+            there = search.lowest(here)[0] if here else None
+    except (ModfunError, np.linalg.LinAlgError):
+        return None
+    found = [(point.deviance, point.x.size, search.count) for point in (here, there) if point]
+    return min(found, default=None)
 
 
 def _is_asked(fit: EquationFit) -> bool:
@@ -290,12 +307,17 @@ class _Search:
 
     def least(self, here: _Point) -> _Point | None:
         """Where steps from a point end at least squares; None where they do not."""
-        several = sum([counts.size for counts in self.counts]) > 1
+        there, settled = self.lowest(here)
+        return there if there and settled and self._is_told(there) else None
+
+    def lowest(self, here: _Point) -> tuple[_Point | None, bool]:
+        """Where steps from a point end, and whether they settle there; None where a response has no value."""
+        several, ended = sum([counts.size for counts in self.counts]) > 1, ""
         for _ in range(REWEIGHED if several else 1):
             self.levels = self._levels_of(here)
             again = self._point(here.x)
             if again is None:
-                return None
+                return None, False
             here, _, ended = levenberg_marquardt(
                 again,
                 self._slopes,
@@ -305,7 +327,7 @@ class _Search:
                 tol=SETTLED,
                 maxiter=ROUNDS,
             )
-        return here if ended == "settled" and self._is_told(here) else None
+        return here, ended == "settled"
 
     def minima(self, own: _Point | None, told: F64 | None, ends: Sequence[F64]) -> list[_Point]:
         """Distinct ends of steps: the one to take, and others.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import nan, pi
+from math import log, nan, pi
 from typing import Any, TypeVar
 
 import numpy as np
@@ -31,7 +31,7 @@ from ..results.unknown_past import from_known_inputs, lead
 
 __all__ = [
     "by_samples", "deviance", "ends_at_samples", "has_gaps", "is_few", "levels_of", "lower_by_samples",
-    "of_response", "weights_of",
+    "of_response", "sample_likelihood", "weights_of",
 ]  # fmt: skip
 
 PART = 0.1  # of a standard error: steps of differences
@@ -206,6 +206,40 @@ def _at_few(fit: AnyFit) -> AnyFit:
     wider = (error / np.sqrt(found.cov_nonrobust.diagonal()))[error > 0]
     astray = np.max(move, initial=0.0) > MOVED or np.max(wider, initial=0.0) > WIDER
     return replace(found, by_response=True) if astray else fit
+
+
+def sample_likelihood(fit: Any) -> tuple[float, int, int] | None:
+    """Likelihood of the samples that count, of a fit led to their least squares where a way leads there.
+
+    Returns
+    -------
+    deviance : float
+        Twice the negative log likelihood, with a level of noise for each output of each record; with one for
+        all where `output_weights` say the others.
+    unknowns : int
+        Parameters, and initial states and trends that are fitted.
+    count : int
+        The samples.
+    """
+    found = [own for own in map(_likelihood, (fit, _led(fit, FAR))) if own is not None]
+    return min(found, default=None)
+
+
+def _likelihood(fit: Any) -> tuple[float, int, int] | None:
+    try:
+        with np.errstate(all="ignore"):
+            descent = _Descent(fit)
+            descent._weigh(fit.params)
+            left, beyond = descent._off(fit.params)
+    except (ModfunError, np.linalg.LinAlgError):
+        return None
+    counts = [np.count_nonzero(own, axis=1) for own in descent.own]
+    count, known = int(np.sum(counts)), fit.options.output_weights
+    found = sum([deviance(off, own) for off, own in zip(left, counts, strict=True)])
+    if known is not None:
+        weights = np.diag(known) if np.ndim(known) == 1 else np.array(known)
+        found = count * log(sum([float(np.sum(off * (weights @ off))) for off in left]) / count)
+    return found, fit.params.size + count - beyond, count
 
 
 class _Descent:

@@ -17,8 +17,6 @@ from ..fitting.single import fit_whole
 from ..fitting.undeclared import fit_as_read
 from ..models.transfer_function import TransferFunction
 from ..records.record import Record
-from ..results.cures import again, bic_beside, on_band
-from ..results.estimates import Estimates
 from ..results.fit import Fit
 from ..results.prediction import simulate_system
 from ..results.scores import UNITS, of_response
@@ -26,12 +24,14 @@ from ..systems.lti import LTI
 from ..systems.making import linear
 from . import drawing
 from .common import same_samples
+from .criteria import Criteria, criteria_of
 
 __all__ = ["Comparison", "CrossValidation", "compare", "cross_validate"]
 
 BOUNDLESS = ("overflows", "leaves all bounds")  # what simulations of unstable models say
 SCORES = ("signal_to_error", "fit_percent", "r2", "theil")
-CRITERIA, UNKNOWN = ("aic", "bic"), (float("nan"), float("nan"))
+CRITERIA = ("aic", "bic")
+BELOW = 0.1  # of −2 log Λ: what searches leave; at so small an F no decision depends on it
 
 
 @public
@@ -42,6 +42,11 @@ class Comparison(Table):
     bic: of each model fitted again over the widest band of all of them. A model's own criteria count the
     lines of its own band, and do not compare; one whose delay starts the window late counts by what it gains
     over that window on the model of the longest. `likelihood_ratio` tests nested models.
+
+    Where a fit of uneven samples is least squares of these, as of a dozen blood samples, criteria are of the
+    responses at the samples that count: N log(RSS/N) of each output and record, of logarithms where the noise
+    is log-normal, with free initial states and trends among the unknowns. `title` says so, and why a fit has
+    no criteria.
 
     `aic` and `bic` are nan in every row where the fits are not of the same records and outputs, differ in
     `noise` or `output_weights`, or one was loaded without its records; and in the row of a model that cannot
@@ -76,18 +81,16 @@ class Comparison(Table):
     ['no zero', 'one zero']
     """
 
-    __slots__ = ("_count", "fits", "record")
+    __slots__ = ("_criteria", "fits", "record")
 
     fits: dict[str, Fit | LTI]
     record: Record
-    _count: tuple[float, int]  # of real equations, and of outputs whose noise covariance is fitted
+    _criteria: Criteria
 
     def __init__(self, fits: dict[str, Fit | LTI], record: Record) -> None:
         columns: dict[str, list[Any]] = {"model": [], "parameters": [], "output": []}
         columns |= {score: [] for score in (*SCORES, *CRITERIA)}
-        fitted = _fitted(fits)
-        found, count = _criteria(list(fitted.values()))
-        criteria = dict(zip(fitted, found, strict=True))
+        criteria = criteria_of(_fitted(fits))
         left = list[str]()
         for name, model in fits.items():
             rows = _scores(name, fits, record)
@@ -100,14 +103,14 @@ class Comparison(Table):
                 columns["output"].append(row["output"])
                 for score in SCORES:
                     columns[score].append(row.get(score, np.nan))
-                for criterion, value in zip(CRITERIA, criteria.get(name, UNKNOWN), strict=True):
+                for criterion, value in zip(CRITERIA, criteria.of(name), strict=True):
                     columns[criterion].append(value)
         span = f"over {record.duration:g} s"
-        title = f"Too unstable to be simulated {span}: {', '.join(map(repr, left))}." if left else None
-        super().__init__(columns, title, units=UNITS)
+        notes = [f"Too unstable to be simulated {span}: {', '.join(map(repr, left))}."] if left else []
+        super().__init__(columns, "\n".join([*notes, *criteria.notes]) or None, units=UNITS)
         object.__setattr__(self, "fits", fits)
         object.__setattr__(self, "record", record)
-        object.__setattr__(self, "_count", count)
+        object.__setattr__(self, "_criteria", criteria)
 
     def likelihood_ratio(self, smaller: str, larger: str) -> Table:
         """Test whether a model explains more than one that is nested in it.
@@ -127,7 +130,9 @@ class Comparison(Table):
         -------
         Table
             One row: `minus_2_log`, that is −2 log Λ; `F` with its `df` (q) and `df_resid` (N − p) degrees of
-            freedom; `p_value`, the probability of so large an F where the smaller model is true.
+            freedom; `p_value`, the probability of so large an F where the smaller model is true. `F` and
+            `p_value` are nan, with a `title` that says why, where the larger model explains less: its search
+            ended elsewhere.
 
         Raises
         ------
@@ -159,25 +164,32 @@ class Comparison(Table):
         for name in (smaller, larger):
             if name not in models:
                 raise SpecError(f"likelihood_ratio: no model {name!r}; there are {list(self.fits)}")
-        at = [models.index(smaller), models.index(larger)]
-        p, log = self["parameters"][at], (self["aic"] - 2 * self["parameters"])[at]
-        if not np.all(np.isfinite(log)):
+        of = self._criteria
+        if not {smaller, larger} <= {*of.found}:
+            aic = self["aic"][[models.index(smaller), models.index(larger)]].tolist()
             raise SpecError(
-                f"likelihood_ratio: the aic of {smaller!r} and {larger!r} are {self['aic'][at].tolist()}; "
-                "give fits of the same records and outputs with the same noise="
+                f"likelihood_ratio: the aic of {smaller!r} and {larger!r} are {aic}; give fits of the same "
+                f"records and outputs with the same noise={''.join([f'. {note}' for note in of.notes])}"
             )
-        if (more := int(p[1] - p[0])) < 1:
+        (before, few), (after, many) = of.found[smaller], of.found[larger]
+        if (more := many - few) < 1:
             raise SpecError(
-                f"likelihood_ratio: {larger!r} has {p[1]} parameters, {smaller!r} {p[0]}; give the model "
+                f"likelihood_ratio: {larger!r} has {many} parameters, {smaller!r} {few}; give the model "
                 "with fewer first"
             )
-        equations, outputs = self._count
-        rows, df = equations / outputs, (equations - float(p[1])) / outputs
-        ratio = float(log[0] - log[1])
+        rows, df, ratio = of.rows / of.together, (of.rows - many) / of.together, before - after
         large = max(float(np.expm1(ratio / rows)), 0.0) * df / more
+        title = None
+        if ratio < -BELOW:
+            large = np.nan
+            title = (
+                f"No test: {larger!r} explains less than {smaller!r}, which no model does that the other is "
+                f"nested in. The search of one ended elsewhere: fit {larger!r} again from the estimates of "
+                f"{smaller!r}, Free(start), or compare models by aic and bic that are not nested."
+            )
         row = [smaller, larger, ratio, large, more, df, float(fdtrc(more, df, large))]
         names = ("smaller", "larger", "minus_2_log", "F", "df", "df_resid", "p_value")
-        return Table({name: [value] for name, value in zip(names, row, strict=True)})
+        return Table({name: [value] for name, value in zip(names, row, strict=True)}, title)
 
     def plot(self, *, ax: Any = None) -> Any:
         """Measured and simulated outputs; see `modfun.plot.comparison`."""
@@ -234,30 +246,6 @@ def _beside(name: str, models: Mapping[str, Fit | LTI], record: Record) -> tuple
         rec = rec._read_like(fits[0].intersample)
     trend = max((fit.trend for fit in fits), key=TRENDS.index, default="constant")
     return rec, simulate_system(system, trend, rec)
-
-
-def _criteria(fits: list[Fit]) -> tuple[list[tuple[float, float]], tuple[float, int]]:
-    """AIC and BIC of each model over the widest band of all; what all count as having, see `Comparison`."""
-    unknown = [UNKNOWN] * len(fits), (float("nan"), 1)
-    alike = {(fit.options.noise, fit.options.output_weights, fit.outputs) for fit in fits}
-    if len(alike) != 1 or any(fit.again is None or fit.records != fits[0].records for fit in fits):
-        return unknown
-    band = min(fit.band[0] for fit in fits), max(fit.band[1] for fit in fits)
-    found = [again(fit, fit.records or (), fit.structure, on_band(fit, band)) for fit in fits]
-    # Beside the longest windows: what has a delay is compared over its own, which starts late, and does not
-    # compare where the other has no answer there.
-    usable = [fit for fit in found if fit is not None]
-    if not usable:
-        return unknown
-    base = max(usable, key=lambda fit: sum(fit.intervals))
-    criteria = [UNKNOWN if fit is None else _beside_base(fit, base) for fit in found]
-    together = len(base.outputs) if base.options.fits_covariance else 1
-    return criteria, (float(base.df_resid + base.params.size), together)
-
-
-def _beside_base(fit: Estimates, base: Estimates) -> tuple[float, float]:
-    bic, rows, p = bic_beside(fit, base), base.df_resid + base.params.size, fit.params.size
-    return (float(bic + p * (2 - np.log(rows))), bic) if np.isfinite(bic) else UNKNOWN
 
 
 @public
@@ -333,8 +321,8 @@ def compare(models: Mapping[str, Fit | LTI] | Sequence[Fit | LTI], rec: Record |
     Returns
     -------
     Comparison
-        A Table with `.plot()`. Its columns `aic` and `bic` are nan where they do not compare; see
-        `Comparison`.
+        A Table with `.plot()`. Its columns `aic` and `bic` are of one band for all, or of few uneven samples
+        themselves, and nan where they do not compare; see `Comparison`.
 
     Raises
     ------
