@@ -32,8 +32,7 @@ def multisine(t: np.ndarray, seed: int) -> np.ndarray:
     return np.sum([np.cos(2 * np.pi * 0.2 * k * t + p) for k, p in enumerate(phases, 1)], axis=0)
 
 
-@pytest.mark.parametrize("made", [chirp, multisine])
-@pytest.mark.parametrize("seed", [0, 8])
+@pytest.mark.parametrize(("made", "seed"), [(chirp, 2), (chirp, 6), (multisine, 0), (multisine, 7)])
 def test_a_hold_is_no_further_pole(made, seed):
     """Read as a motion, half a sample of delay was a pole at -3/dt and a zero, and nothing told."""
     rec = driven(made(np.arange(N) * DT, seed), seed)
