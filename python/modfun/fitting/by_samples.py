@@ -54,14 +54,25 @@ AnyFit = TypeVar("AnyFit", bound=Any)
 
 
 def lower_by_samples(fit: Any, other: Any) -> float:
-    """By how much another fit of the structure lowers BIC of the samples that count, in white noise.
+    """By how much another fit, of this or another structure, lowers BIC of the samples that count.
+
+    In white noise. What one structure has more than the other, parameters and free motion of poles, counts
+    as much as where candidates are compared by lines: samples beyond the band tell nothing of it.
 
     Lines hold what was put in the place of masked samples, whose errors look like those of a wrong input.
     Beside an output of which every third to sixth sample counts, a measured motion was read as held: BIC of
     lines fell by up to 60, where that of the samples rises by 100 to 200. Samples decide nothing (nan) where
     noise drives the system, for then they are no responses with white noise.
     """
-    return nan if fit.options.drives else _deviance(fit) - _deviance(other)
+    if fit.options.drives:
+        return nan
+    spared = _unknowns(fit) - _unknowns(other)
+    return _deviance(fit) - _deviance(other) + spared * log(fit.df_resid + fit.params.size)
+
+
+def _unknowns(fit: Any) -> int:
+    """Parameters, and the coefficients of the free motion of each record."""
+    return int(fit.params.size + fit.order * len(fit.omega0))
 
 
 def _deviance(fit: Any) -> float:

@@ -20,7 +20,7 @@ from ..models.transfer_function import TransferFunction
 from ..records.batches import Batch
 from ..records.forms import agreed
 from ..records.record import Record
-from ..results.cures import amplified, bic_beside, on_band, realigned
+from ..results.cures import amplified, on_band, realigned
 from ..results.diagnosis import growth
 from ..results.estimates import Estimates
 from ..results.feedback import feedback
@@ -31,6 +31,7 @@ from ..results.refits import starts_beside
 from ..results.undeclared import POSITIVE
 from .by_response import by_response
 from .by_samples import lower_by_samples
+from .candidates import score
 
 __all__ = [
     "OTHER",
@@ -54,7 +55,8 @@ FEW = 4  # records that are asked where each of many is fitted by itself
 # the noise that comes back biases both fits and a computer holds what it commands, and of inputs that look
 # held or like a motion. Most of them were; steps and square waves that passed through straight lines look
 # held, and so do those that switch between two samples, and the command of a computer that changes little a
-# tick looks like a motion; positive evidence does where the noise of an output is seen to come back. Strong
+# tick looks like a motion; positive evidence does where the noise of an output is seen to come back, or where
+# a motion needs a pole as fast as the samples, of which a hold is free. Strong
 # evidence that an input was not held is said, and so is that a motion may be held where that makes other
 # estimates.
 STRONG, VERY_STRONG = 6.0, 10.0
@@ -239,8 +241,9 @@ def _asked(
             continue  # as most do; whether the others are refuted takes simulations
         if motion and not all(other is not None and other.success and not refuted(other) for other in others):
             continue  # of two wrong models: half a sample of delay makes up for many a lag
-        if motion and not late and POSITIVE < gain <= bar and all(map(_fed_back, fits)):
-            bar = POSITIVE
+        if motion and not late and POSITIVE < gain <= bar:
+            imitated = all(map(_imitated, fits, others))
+            bar = POSITIVE if imitated or all(map(_fed_back, fits)) else bar
         if gain > bar:  # a fit of many parameters may have ended elsewhere by its default band alone
             gain = min(gain, _gain(_on_bands(each, fits, found, structure, fit_once), others))
         if gain > bar and any(map(amplified, fits)):  # sums with products have several minima, and are bent
@@ -328,7 +331,7 @@ def _gain(fits: Sequence[Fit | None], others: Sequence[Fit | None]) -> float:
 def _lower(fit: Fit, other: Fit) -> float:
     """By how much another reading lowers BIC: that of samples where lines hold much that none measured."""
     if measured_lines(fit):
-        return bic_beside(fit, fit) - bic_beside(other, fit)
+        return score(fit, fit) - score(other, fit)
     try:
         with np.errstate(all="ignore"):
             return lower_by_samples(fit, other)
@@ -374,6 +377,18 @@ def _out_of_time(fit: Fit, name: str) -> float:
     """What another channel at its own time would lower BIC by: half a sample of delay makes up for some."""
     found = realigned(fit)
     return max(found.before - found.after, 0.0) if found and found.shift.channel != name else 0.0
+
+
+def _imitated(fit: Fit, other: Fit | None) -> bool:
+    """Whether a real pole as fast as the samples stands for a hold, with which the other has one pole less.
+
+    Half a sample late is a pole at -2/dt, or with a zero beside it one from -1/dt on.
+    """
+    if other is None or not other.order < fit.order:
+        return False
+    poles: Any = fit.model.poles()
+    step = max(rec.duration / rec.intervals for rec in fit.records or ())
+    return bool(np.any((poles.imag == 0) & (np.abs(poles) * step >= 1)))
 
 
 def _fed_back(fit: Fit) -> bool:
