@@ -17,7 +17,7 @@ from ..errors import SpecError
 from ..models.noise import Noise
 from ..records.spectra import too_short
 from .band_end import end_in_words
-from .diagnosis import level_p, level_ratio
+from .diagnosis import chi_square, level_p, level_ratio
 from .doubts import numbers, still_held
 from .estimates import Estimates
 from .misfit import too_large, too_small
@@ -293,7 +293,8 @@ def _chi2(fit: Estimates) -> str:
         if fit.success and too_small(p, level_ratio(fit))
         else "as it should be"
     )
-    return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {p:.2g}): {verdict}"
+    chi2, df = chi_square(fit)
+    return f"{chi2:.4g} for {df:g} degrees of freedom (p = {p:.2g}): {verdict}"
 
 
 def parameters(
