@@ -251,7 +251,8 @@ def _noise(fit: Estimates) -> str:
     if beside_samples(fit):
         seen, _, levels = seen_noise(fit)
         return f"{text}; {seen} {numbers(levels)}" if np.isfinite(fit.chi2) else text
-    if fit.noise_scale == fit.noise_scale:
+    of_lines = not getattr(fit, "by_response", False)  # levels of a response are those of its own residuals
+    if of_lines and fit.noise_scale == fit.noise_scale:
         return f"{text}, {np.sqrt(fit.noise_scale):.3g} times what was expected"
     if fit.options.noise == "coloured" or not np.all(np.isfinite(fit.high_band_levels)):
         return text
