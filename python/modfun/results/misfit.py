@@ -65,7 +65,7 @@ AMPLIFIED = 1.5  # ratio of noise levels beyond which products of derivatives ha
 BENT = ("power", "gain", "change")  # what a system does that is not linear, or changes
 LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
 FIRST = 1e9  # of BIC: above what any cure lowers it by
-SLOW_NOISE = "Noise of a sensor that is slow follows itself, too: compare a repetition of the record."
+SLOW_NOISE = "Slow noise of a sensor follows itself, too: it differs in a repetition of the record."
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
 
@@ -261,10 +261,10 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
         return Doubt(text, sure=d.chi2_p < SURE)
     if itself := follows(fit):
         text = (
-            f"The residuals are {d.level_ratio:.3g} times {reference(fit)}, and {itself}: the response "
-            "misses a part of the motion that is slower than the samples, and estimates may be off by many "
-            "errors. First look where, fit.plot_response(), and try a further term, such as a square "
-            f"of {fit.outputs[0]}, or a hidden signal. {SLOW_NOISE}"
+            f"The residuals are {d.level_ratio:.3g} times {reference(fit)}, and {itself}: either the "
+            "response misses a part of the motion that is slower than the samples, and estimates may be off "
+            "by many errors, or noise of a sensor is slow. First look where, fit.plot_response(), and try a "
+            f"further term, such as a square of {fit.outputs[0]}, or a hidden signal. {SLOW_NOISE}"
         )
         return Doubt(text)
     if slow:

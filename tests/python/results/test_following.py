@@ -42,7 +42,7 @@ def test_another_law_of_cooling_is_warned_of(law, seed):
     assert level_p(fit) < 1e-9
     assert len(told) == 1
     assert "follow each other from sample to sample" in told[0]
-    assert "sensor that is slow" in told[0]
+    assert "Slow noise of a sensor" in told[0]
     assert chi_square(fit)[1] == 268
     summary = str(fit.summary())
     assert "for 268 degrees of freedom" in summary
