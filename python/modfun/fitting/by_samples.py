@@ -23,6 +23,7 @@ from ..results.diagnosis import fewest_samples, growth
 from ..results.doubts import FEW_SAMPLES
 from ..results.estimates import COVARIANCES
 from ..results.fitted_samples import measured_lines
+from ..results.following import following_p
 from ..results.initial_state import begins_in_zero, from_zero, simulate_equations, slopes
 from ..results.prediction import InitialState
 from ..results.sample_levels import square_beside
@@ -445,6 +446,8 @@ def of_response(
     levels[:, : len(fit.outputs)] = level
     known = geometric_mean(np.array(level), fit.rows)
     correlation = np.mean([np.corrcoef(np.atleast_2d(own)) for own in left], axis=0)
+    weights = [weights_of(fit, rec) for rec in fit.records]
+    follow_p = nan if fit.options.noise == LOGS else following_p(fit.records, left, weights)
     over = fit.df_resid if levels.shape[1] > 1 else fit.df_resid * float(known[0]) ** 2
     return {
         "df_spectral": np.full(fit.params.size, float(freedom)),
@@ -456,6 +459,7 @@ def of_response(
         "levels": levels,
         "pieces": tuple(_lines(fit, left, level, counts)),
         "by_response": True,
+        "follow_p": follow_p,
     }
 
 

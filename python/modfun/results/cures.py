@@ -24,12 +24,12 @@ from .lags import EXTRA, LAG, acts_later, lagging, least_time, with_values
 from .neighbours import LEVER, ZERO, absurd, integrals, neighbours, singular
 from .promising import promising
 from .refits import has_model, lengthy, starts_beside
-from .shifts import SEEN, Shift, likeliest_shift
+from .shifts import SEEN, Shift, earlier_by, likeliest_shift
 from .worth import Key, worth
 
 __all__ = [
     "ALIGNED", "CLOSE", "DRIFT", "ENOUGH", "WORTH", "Cure", "Realigned", "again", "again_at_all",
-    "amplified", "as_declared", "as_shift", "bic_beside", "convincing", "earlier_by", "furthest",
+    "amplified", "as_declared", "as_shift", "bic_beside", "convincing", "furthest",
     "integral_missing", "likely_cure", "of_written", "on_band", "otherwise", "realigned", "with_drift",
 ]  # fmt: skip
 
@@ -48,6 +48,7 @@ EACH = 1.0  # work of a fit, in looks that nobody asked for
 FIT, FORMULA = 0.02, 3e-3  # work of a fit beside its iterations: of any, and for each operation of formulas
 SOUGHT = 2e-4  # of each free delay of a transfer function beside the first, for each sample
 LONGEST = 256  # uneven samples: equations in coloured noise of a thousand take half a minute to fit
+APART = ", which the record hardly tells apart"
 STRONG = 30.0  # by which BIC falls for one of some thirty parameters, even where noise is coloured a little
 
 
@@ -123,7 +124,7 @@ def of_written(fit: Estimates) -> Cure | None:
     # A regression may say that a term explains more than what seems to leave the noise alone.
     expected = max((fall for key, fall in worth(fit).items() if key[0] == "term"), default=0.0)
     if found and found.level_p > ENOUGH and not found.before - expected < found.after - WORTH:
-        return found
+        return _or_term(fit, found)
     if lengthy(fit) and level_p(fit) > ENOUGH:  # nothing contradicts the equations
         return found
     term = _missing_term(fit)
@@ -133,6 +134,17 @@ def of_written(fit: Estimates) -> Cure | None:
         if found is None or not found.level_p > ENOUGH:
             found = _of_group(fit, group, found)
     return found
+
+
+def _or_term(fit: Estimates, found: Cure) -> Cure:
+    """A cure, or beside the lag of a sensor that is as slow as the motion the term which does as well."""
+    longest = max([rec.duration for rec in fit.records or ()])
+    if not (found.words.startswith(LAG) and found.fit and found.fit[EXTRA] > FURTHEST * longest):
+        return found
+    term = _missing_term(fit)
+    if term is None or not (term.level_p > ENOUGH and term.after < found.after + CLOSE):
+        return found
+    return replace(found, words=f"{found.words}, or {term.words.removesuffix(APART)}{APART}")
 
 
 @kept
@@ -214,7 +226,7 @@ def _of_group(
     same = [key for key in afters if key[:1] == ("term",) and key != chosen and key[:-1] == chosen[:-1]]
     alike = [key[-1] for key in sorted(same, key=afters.__getitem__) if afters[key] < afters[chosen] + CLOSE]
     if found and alike:
-        words = f"{found.words}, or in {' or '.join(alike)}, which the record hardly tells apart"
+        words = f"{found.words}, or in {' or '.join(alike)}{APART}"
         found = replace(found, words=words)
     return found
 
@@ -320,28 +332,6 @@ def _read_at(fit: Estimates, shift: Shift, late: float) -> Realigned | None:
     found = replace(shift, late=seen, error=error)
     before = bic_beside(fit, fit)
     return Realigned(words, before, after, level_p(other), other, name, shift=found, by=late)
-
-
-def earlier_by(
-    records: tuple[Record, ...], name: str, late: float, *, whole: bool
-) -> tuple[str, tuple[Record, ...]]:
-    """Records with a channel at its own time, in words and made so.
-
-    Straight lines between samples would take from the noise, by which levels are seen. Beyond the ends the
-    last sample stays: cubes that go on multiply its noise.
-    """
-    from scipy.interpolate import CubicSpline
-
-    at = f"rec.t {'+' if late > 0 else '-'} {abs(late):.4g}"
-    if whole:
-        moved = [np.interp(rec.t + late, rec.t, rec[name]) for rec in records]
-        words = f"rec.assign({name}=np.interp({at}, rec.t, rec[{name!r}]))"
-    else:
-        moved = [CubicSpline(rec.t, rec[name])(np.clip(rec.t + late, rec.t[0], rec.t[-1])) for rec in records]
-        spline = f"scipy.interpolate.CubicSpline(rec.t, rec[{name!r}])"
-        words = f"rec.assign({name}={spline}(np.clip({at}, rec.t[0], rec.t[-1])))"
-    rows: list[dict[str, Any]] = [{name: row} for row in moved]
-    return words, tuple([rec.assign(**row) for rec, row in zip(records, rows, strict=True)])
 
 
 def _odd_time(fit: Estimates, words: str, other: Estimates) -> bool:

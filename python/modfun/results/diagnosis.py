@@ -20,6 +20,7 @@ from .sample_levels import beside_samples
 
 __all__ = [
     "Diagnosis",
+    "chi_square",
     "diagnose",
     "fewest_samples",
     "growth",
@@ -105,6 +106,18 @@ def level_ratio(fit: Estimates) -> float:
         return float(np.sqrt(np.divide(fit.chi2, fit.df_resid)))
 
 
+def chi_square(fit: Estimates) -> tuple[float, float]:
+    """Chi-square of the residuals at the level that they are judged by, and its degrees of freedom.
+
+    Of lines, or of all samples where these are least squares of the response.
+    """
+    df = float(fit.df_resid)
+    if getattr(fit, "by_response", False):  # of equations
+        df = float(fit.df_spectral[0])
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return float(np.divide(fit.chi2 * df, fit.df_resid)), df
+
+
 @kept
 def level_p(fit: Estimates) -> float:
     """Probability of a chi-square as large as the fit's if the model is right; nan where there is none.
@@ -113,15 +126,17 @@ def level_p(fit: Estimates) -> float:
     independently of the residuals: it comes from other lines. Then chi-square a degree of freedom has an F
     law with `df_resid` and the level's degrees of freedom, as many times these as outputs (equations) have
     independent noise: p outputs whose noise is correlated by r count as p^2/sum(r^2). Of several records of
-    equations it is a mean of ratios to the level of each, see `_above`.
+    equations it is a mean of ratios to the level of each, see `_above`. Residuals of a response at all
+    samples are tested against their neighbours, too, see `following_p`.
     """
     from scipy.special import chdtrc, fdtrc
 
-    chi2, df = fit.chi2, float(fit.df_resid)
+    chi2, df = chi_square(fit)
     if not (isfinite(chi2) and df > 0):
         return 0.0 if chi2 == inf else nan
     if isinstance(fit.options.noise, Noise):
         return float(chdtrc(df, chi2))
+    ratio, follow_p = chi2 / df, getattr(fit, "follow_p", nan)
     rows = independent = float(len(fit.row_names))
     if rows > 1 and fit.options.noise == "output" and fit.noise_cov.shape == (rows, rows):
         level = np.sqrt(np.diag(fit.noise_cov))
@@ -129,10 +144,12 @@ def level_p(fit: Estimates) -> float:
         df *= independent / rows
     levels = getattr(fit, "levels", None)  # of equations, one for each output of each record
     if levels is None or len(levels) == 1:
-        p = float(fdtrc(df, independent * high_band_df(fit), chi2 / fit.df_resid))
+        p = float(fdtrc(df, independent * high_band_df(fit), ratio))
     else:
         each = [_level_df(n, max(fit.layout.orders, default=0) + 2) for n in fit.intervals]
-        p = _above(chi2 / fit.df_resid, df, independent, each)
+        p = _above(ratio, df, independent, each)
+    # Of many samples, what is slow shows in neighbours that agree long before it doubles the level.
+    p = min(p, follow_p) if isfinite(follow_p) else p
     # A level beside neighbours holds motion between them, too: residuals below it say nothing.
     return min(p, 0.5) if beside_samples(fit) else p
 

@@ -97,6 +97,7 @@ def _fit_of(values: dict[str, Any]) -> Fit:
             np.atleast_2d(fields[name]), (len(fields["lines"]), fields[name].shape[-1])
         )
     fields["by_response"] = bool(values.get("by_response", False))
+    fields["follow_p"] = float(values.get("follow_p", "nan"))
     return EquationFit(layout=layout_of(structure, fields["options"], *channels), **fields)
 
 

@@ -21,13 +21,14 @@ from .cures import (
     on_band,
     with_drift,
 )
-from .diagnosis import Diagnosis, diagnose, level_p, level_ratio
+from .diagnosis import Diagnosis, chi_square, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, crowded, noise_free, numbers
 from .drifting import drifting, is_drift
 from .driven_equations import driven
 from .estimates import Estimates
 from .fitted_samples import measured_lines, stationary
 from .followers import in_loop
+from .following import follows
 from .further import Explained, event_p
 from .hidden_laws import DRIVES, what_drives
 from .line_tests import colour_of_lines, correlation_of_lines
@@ -64,6 +65,7 @@ AMPLIFIED = 1.5  # ratio of noise levels beyond which products of derivatives ha
 BENT = ("power", "gain", "change")  # what a system does that is not linear, or changes
 LIKE_GUSTS = ("power", "change", "drift")  # of what noise that drives a light mode may be taken for
 FIRST = 1e9  # of BIC: above what any cure lowers it by
+SLOW_NOISE = "Slow noise of a sensor follows itself, too: it differs in a repetition of the record."
 SPIKE = 10.0  # times the mean fourth difference, in which one sample alone shows six times
 
 
@@ -230,12 +232,15 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
 
     `alone`: nothing else explains them.
     """
+    if not alone and follows(fit):  # said beside what is missing
+        return None
     slow = d.chi2_p < SURE and slow_beside(fit)
     if sure_only and not (slow or (alone and d.chi2_p < SURE)):
         return None
+    chi2, df = chi_square(fit)
     text = (
-        f"The residuals are {d.level_ratio:.3g} times {reference(fit)}: chi-square {fit.chi2:.4g} for "
-        f"{fit.df_resid} degrees of freedom (p = {d.chi2_p:.2g})."
+        f"The residuals are {d.level_ratio:.3g} times {reference(fit)}: chi-square {chi2:.4g} for "
+        f"{df:g} degrees of freedom (p = {d.chi2_p:.2g})."
     )
     if alone and not hum(fit) and (tone := tone_left(fit, wide=True)):
         return Doubt(_tone(fit, *tone), sure=d.chi2_p < SURE)
@@ -254,6 +259,14 @@ def _too_large(fit: Estimates, d: Diagnosis, *, alone: bool, sure_only: bool) ->
             f"{other_drive(fit)}."
         )
         return Doubt(text, sure=d.chi2_p < SURE)
+    if itself := follows(fit):
+        text = (
+            f"The residuals are {d.level_ratio:.3g} times {reference(fit)}, and {itself}: either the "
+            "response misses a part of the motion that is slower than the samples, and estimates may be off "
+            "by many errors, or noise of a sensor is slow. First look where, fit.plot_response(), and try a "
+            f"further term, such as a square of {fit.outputs[0]}, or a hidden signal. {SLOW_NOISE}"
+        )
+        return Doubt(text)
     if slow:
         look = (
             "try a further pole, select_order" if fit.layout.rational else "look at it, fit.plot_response()"
@@ -389,6 +402,8 @@ def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
     """What is missing in words, and by how much it lowers BIC."""
     ratio = level_ratio(fit)
     level = "" if isnan(ratio) else f": the residuals are {ratio:.3g} times {reference(fit)}"
+    itself = follows(fit)  # few lines of a slow response convince of no cure, though of one that is wanted
+    level += f", and {itself}" if itself else ""
     fallen = f"BIC falls from {cure.before:.4g} to {cure.after:.4g}"
     if is_drift(cure.words) and not cure.level_p > ENOUGH and _drift_leaves_more(fit):
         text = (
@@ -398,7 +413,8 @@ def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
         )
     else:
         text = f"Part of the response is missing{level}. First try {cure.words}: {fallen}."
-    return Doubt(text, convincing(fit, cure)), cure.before - cure.after
+    text += f" {SLOW_NOISE}" if itself else ""
+    return Doubt(text, bool(itself) or convincing(fit, cure)), cure.before - cure.after
 
 
 def _drift_leaves_more(fit: Estimates) -> bool:

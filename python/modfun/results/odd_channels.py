@@ -13,11 +13,11 @@ from ..base.arrays import F64
 from ..errors import ModfunError
 from ..records.mask import sample_weights
 from ..records.record import Record
-from .cures import earlier_by
 from .doubts import Doubt
 from .estimates import Estimates
 from .factors import turned, unit_of
 from .regression import rms
+from .shifts import earlier_by
 
 __all__ = ["Change", "left_of", "likeliest_change", "told", "told_both", "votes"]
 

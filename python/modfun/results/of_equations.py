@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import nan
 from typing import Any, Never
 
 import numpy as np
@@ -65,6 +66,8 @@ class EquationFit(Fit):
         Whether what sums over the samples err by could not be taken out of the equations.
     by_response : bool
         Whether this is the least squares of the response, as sums over the records err or have no answer.
+    follow_p : float
+        Of such a fit, the probability that residuals of neighbouring samples agree so much in white noise.
     """
 
     layout: EquationLayout  # type: ignore[assignment]  # what a Fit asks of it is there
@@ -78,6 +81,7 @@ class EquationFit(Fit):
     less: tuple[F64, ...] = ()
     unsettled: bool = False
     by_response: bool = False
+    follow_p: float = nan
 
     @property
     def trend(self) -> str | None:
@@ -360,7 +364,7 @@ class EquationFit(Fit):
     def own_values(self) -> dict[str, Any]:
         """What is kept of it besides what all fits have."""
         own: dict[str, Any] = {"levels": self.levels.tolist(), "seen": self.seen.tolist()}
-        return own | ({"by_response": True} if self.by_response else {})
+        return own | ({"by_response": True, "follow_p": self.follow_p} if self.by_response else {})
 
 
 def parts_with_values(fit: EquationFit) -> tuple[Record, ...]:

@@ -12,7 +12,7 @@ from ..base.tables import Findings
 from ..errors import ModfunError
 from ..models.noise import Noise
 from ..models.process import ProcessNoise
-from .diagnosis import diagnose
+from .diagnosis import chi_square, diagnose
 from .estimates import Estimates
 from .line_tests import Whiteness, colour_of_lines, correlation_of_lines
 from .misfit import UNLIKELY
@@ -142,7 +142,8 @@ def tests(fit: Estimates) -> list[tuple[str, str, str, str]]:
         )
     found = diagnose(fit)
     if math.isfinite(found.chi2_p):
-        figure = f"chi-square {fit.chi2:.4g} of {fit.df_resid}, p = {found.chi2_p:.2g}"
+        chi2, df = chi_square(fit)
+        figure = f"chi-square {chi2:.4g} of {df:g}, p = {found.chi2_p:.2g}"
         rows.append(("level as the noise explains", "all", figure, _said(found.chi2_p)))
     for one in found.further:
         if math.isfinite(one.p_value):

@@ -12,7 +12,7 @@ from ..errors import ModfunError
 from ..records.record import Record
 from ..records.spectra import beside_neighbours, clipped_level
 
-__all__ = ["beside_samples", "seen_noise", "slow_beside", "square_beside"]
+__all__ = ["beside_samples", "rounding_noise", "seen_noise", "slow_beside", "square_beside"]
 
 LEAST = 16  # samples that show a level
 LARGE = 3.0  # times the noise: residuals that leave doubt to no other cause than their being slow
@@ -107,7 +107,7 @@ def _seen(fit: Any) -> tuple[F64, F64] | None:
     samples need no simulation, which takes long for many samples: they stand for the response.
     """
     with np.errstate(all="ignore"):
-        rows = [(beside_neighbours(rec.t, rec.y), _rounding(rec)) for rec in fit.records]
+        rows = [(beside_neighbours(rec.t, rec.y), rounding_noise(rec)) for rec in fit.records]
         levels = np.array([np.maximum(*own) for own in rows])
         if np.all(levels > 0) and not np.mean((fit.noise_levels / levels) ** 2) > NEAR**2:
             return levels, fit.noise_levels
@@ -122,7 +122,7 @@ def _seen(fit: Any) -> tuple[F64, F64] | None:
     return (levels, np.array(left)) if np.all(levels > 0) else None
 
 
-def _rounding(rec: Record) -> F64:
+def rounding_noise(rec: Record) -> F64:
     """Noise of the rounding of each output whose samples repeat."""
     found = []
     for row in rec.y:

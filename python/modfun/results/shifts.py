@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..base.arrays import F64
 from ..base.student import student_p
+from ..records.record import Record
 from .estimates import Estimates
 from .linear_lines import Linear, columns_of, linear_of, straight, testable, with_levers
 
-__all__ = ["SEEN", "Lever", "Moved", "Shift", "each_moved", "likeliest_lever", "likeliest_shift"]
+__all__ = [
+    "SEEN",
+    "Lever",
+    "Moved",
+    "Shift",
+    "each_moved",
+    "earlier_by",
+    "likeliest_lever",
+    "likeliest_shift",
+]
 
 SEEN = 0.02  # p-value below which a shift is told, where it explains more than its parameter costs
 ASKED = 0.02  # p-value in white noise below which the noise's colour is looked at
@@ -241,3 +252,25 @@ def _smooth(e: F64, lines: Sequence[int], outputs: int) -> F64:
         found.append(np.tile(mean.ravel(), 2))
         start = stop
     return np.concatenate(found)
+
+
+def earlier_by(
+    records: tuple[Record, ...], name: str, late: float, *, whole: bool
+) -> tuple[str, tuple[Record, ...]]:
+    """Records with a channel at its own time, in words and made so.
+
+    Straight lines between samples would take from the noise, by which levels are seen. Beyond the ends the
+    last sample stays: cubes that go on multiply its noise.
+    """
+    from scipy.interpolate import CubicSpline
+
+    at = f"rec.t {'+' if late > 0 else '-'} {abs(late):.4g}"
+    if whole:
+        moved = [np.interp(rec.t + late, rec.t, rec[name]) for rec in records]
+        words = f"rec.assign({name}=np.interp({at}, rec.t, rec[{name!r}]))"
+    else:
+        moved = [CubicSpline(rec.t, rec[name])(np.clip(rec.t + late, rec.t[0], rec.t[-1])) for rec in records]
+        spline = f"scipy.interpolate.CubicSpline(rec.t, rec[{name!r}])"
+        words = f"rec.assign({name}={spline}(np.clip({at}, rec.t[0], rec.t[-1])))"
+    rows: list[dict[str, Any]] = [{name: row} for row in moved]
+    return words, tuple([rec.assign(**row) for rec, row in zip(records, rows, strict=True)])

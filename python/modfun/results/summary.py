@@ -17,7 +17,7 @@ from ..errors import SpecError
 from ..models.noise import Noise
 from ..records.spectra import too_short
 from .band_end import end_in_words
-from .diagnosis import level_p, level_ratio
+from .diagnosis import chi_square, level_p, level_ratio
 from .doubts import numbers, still_held
 from .estimates import Estimates
 from .misfit import too_large, too_small
@@ -251,7 +251,8 @@ def _noise(fit: Estimates) -> str:
     if beside_samples(fit):
         seen, _, levels = seen_noise(fit)
         return f"{text}; {seen} {numbers(levels)}" if np.isfinite(fit.chi2) else text
-    if fit.noise_scale == fit.noise_scale:
+    of_lines = not getattr(fit, "by_response", False)  # levels of a response are those of its own residuals
+    if of_lines and fit.noise_scale == fit.noise_scale:
         return f"{text}, {np.sqrt(fit.noise_scale):.3g} times what was expected"
     if fit.options.noise == "coloured" or not np.all(np.isfinite(fit.high_band_levels)):
         return text
@@ -293,7 +294,8 @@ def _chi2(fit: Estimates) -> str:
         if fit.success and too_small(p, level_ratio(fit))
         else "as it should be"
     )
-    return f"{fit.chi2:.4g} for {fit.df_resid} degrees of freedom (p = {p:.2g}): {verdict}"
+    chi2, df = chi_square(fit)
+    return f"{chi2:.4g} for {df:g} degrees of freedom (p = {p:.2g}): {verdict}"
 
 
 def parameters(

@@ -6,11 +6,10 @@ import numpy as np
 
 from ..base.arrays import F64
 from ..base.names import series
-from .cures import earlier_by
 from .doubts import noise_free
 from .estimates import Estimates
 from .late_channels import longest_step
-from .shifts import Moved, each_moved
+from .shifts import Moved, each_moved, earlier_by
 
 __all__ = ["uncounted_time"]
 
