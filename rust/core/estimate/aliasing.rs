@@ -32,8 +32,11 @@ const IMAGES: usize = 2 * FOLDS;
 pub(crate) const ROUNDS: usize = 2;
 /// Most rounds, of estimates that go on to move.
 pub(crate) const MOST_ROUNDS: usize = 20;
-/// What is still to come, in parts of the parameters, where an estimate stands.
-const STANDS: f64 = 1e-6;
+/// Part by which changes shrink from round to round at the most: a superfluous pole far beyond the band goes on for
+/// ever, to where it leaves more.
+const QUICKLY: f64 = 0.2;
+/// What is still to come, in parts of the output, where an estimate stands.
+const STANDS: f64 = 2e-6;
 /// A correction above this part of the output's power is none: the estimate is far off.
 pub(crate) const LARGE: f64 = 0.1;
 /// The same where an input acts at once: at half the sampling rate what is folded is 1.4 of the power.
@@ -301,26 +304,20 @@ fn times<L: Lanes>(a: (L, L), b: (L, L)) -> (L, L) {
     (a.0.mul_add(b.0, -(a.1 * b.1)), a.0.mul_add(b.1, a.1 * b.0))
 }
 
-/// How far an estimate moves from round to round.
+/// How much what is folded changes from round to round, in parts of the output.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Moves(f64);
+pub(crate) struct Changes(f64);
 
-impl Moves {
+impl Changes {
     /// Before the first.
-    pub const NONE: Moves = Moves(f64::INFINITY);
+    pub const NONE: Changes = Changes(f64::INFINITY);
 
-    /// Takes the next, of parameters as they were and as they are; whether more is to come that is worth a round, as
-    /// moves go on to shrink by the same part. Where they do not shrink, further rounds lead nowhere.
-    pub fn go_on(&mut self, theta: impl Iterator<Item = (f64, f64)>) -> bool {
-        let (mut change, mut size) = (0.0, 0.0);
-        for (before, now) in theta {
-            change += (now - before) * (now - before);
-            size += now * now;
-        }
-        let now = (change / size).sqrt();
+    /// Takes the next; whether more is to come that is worth a round, as changes go on to shrink by the same part.
+    /// Where they hardly shrink, further rounds lead nowhere.
+    pub fn go_on(&mut self, now: f64) -> bool {
         let part = now / self.0;
         self.0 = now;
-        part < 1.0 && now * part > STANDS * (1.0 - part)
+        part < QUICKLY && now * part > STANDS * (1.0 - part)
     }
 }
 
@@ -361,7 +358,7 @@ impl Measured {
     pub fn judge(
         &self,
         (re, im): (&mut [Wide], &mut [Wide]),
-        [taken, all]: &[Wide; 2],
+        [taken, all, _]: &[Wide; 3],
         large: f64,
         of: [bool; LANES],
     ) {

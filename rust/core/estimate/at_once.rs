@@ -82,7 +82,7 @@ impl Estimation<'_> {
         let (mut left, mut unsettled, mut dependent) = (live, [false; LANES], w.dependent);
         for _ in 0..ROUNDS {
             take_out(isa, d, w);
-            w.before.copy(&w.iterates, [true; LANES]);
+            w.before_round.copy_from_slice(&w.iterates.theta.now);
             self.again(w, left);
             for lane in 0..LANES {
                 if !left[lane] {
@@ -90,7 +90,7 @@ impl Estimation<'_> {
                 }
                 (unsettled[lane], dependent[lane]) =
                     (w.progress.active.0[lane] > 0.0, w.dependent[lane]);
-                let each = w.iterates.theta.now.iter_mut().zip(&w.before.theta.now);
+                let each = w.iterates.theta.now.iter_mut().zip(&w.before_round);
                 left[lane] = moved(
                     SETTLED,
                     each.map(|(now, before)| {

@@ -1,7 +1,7 @@
 //! The estimate of eight replicates: start, iteration, second start, uncertainty, statuses.
 
 use super::again::Estimation;
-use super::aliasing::{MOST_ROUNDS, Moves, ROUNDS};
+use super::aliasing::{Changes, MOST_ROUNDS, ROUNDS};
 use super::band::SAME;
 use super::completion::{complete, status};
 use super::design::Design;
@@ -103,15 +103,14 @@ impl Estimation<'_> {
             return;
         }
         w.records.iter_mut().for_each(|r| r.measured.keep(&r.re, &r.im));
-        let (mut left, mut moves) = (live, [Moves::NONE; LANES]);
+        let (mut left, mut changes) = (live, [Changes::NONE; LANES]);
         let (mut unsettled, mut dependent) = ([false; LANES], w.dependent);
         for round in 1..=MOST_ROUNDS {
             if d.method == Method::Ls {
                 prepare(isa, d, w);
                 isa.run(uncertainty::Transients { design: d, space: w });
             }
-            unalias(isa, d, w, left);
-            w.before.copy(&w.iterates, [true; LANES]);
+            let changed = unalias(isa, d, w, left);
             self.again(w, left);
             for lane in 0..LANES {
                 if !left[lane] {
@@ -119,8 +118,7 @@ impl Estimation<'_> {
                 }
                 (unsettled[lane], dependent[lane]) =
                     (w.progress.active.0[lane] > 0.0, w.dependent[lane]);
-                let each = w.iterates.theta.now.iter().zip(&w.before.theta.now);
-                let more = moves[lane].go_on(each.map(|(now, was)| (was.0[lane], now.0[lane])));
+                let more = changes[lane].go_on(changed[lane]);
                 left[lane] = round < ROUNDS || more;
             }
             if left == [false; LANES] {

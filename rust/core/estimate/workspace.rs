@@ -38,6 +38,8 @@ pub struct Workspace {
     pub(crate) iterates: Iterates,
     /// Where lanes stood before they went from a second start.
     pub(crate) before: Iterates,
+    /// θ before a round of what sampling folds.
+    pub(crate) before_round: Vec<Wide>,
     /// Where one lane's coefficients go from eight starts at once, once that was needed.
     pub(crate) other: Option<Box<Workspace>>,
     pub(crate) progress: Progress,
@@ -126,6 +128,7 @@ impl Workspace {
             global: wide(extra * (extra + 1)),
             iterates: Iterates::new(p, d.transient, d.records.len()),
             before: Iterates::new(p, d.transient, d.records.len()),
+            before_round: wide(p),
             other: None,
             progress: Progress::default(),
             dependent: [false; LANES],

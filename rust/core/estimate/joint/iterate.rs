@@ -8,7 +8,7 @@ use super::unalias::unalias;
 use super::uncertainty;
 use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
-use crate::estimate::aliasing::{MOST_ROUNDS, Moves, ROUNDS};
+use crate::estimate::aliasing::{Changes, MOST_ROUNDS, ROUNDS};
 use crate::estimate::autoregression;
 use crate::estimate::band::CLOSE;
 use crate::estimate::iterates::Move;
@@ -84,18 +84,21 @@ pub(crate) fn estimate(
     let run = Run { rule, most: o.maxiter, limit: o.tol * o.tol, held, fresh: false };
     if rule != Rule::Wls {
         let folds = d.aliasing.is_some() && o.wanted != Wanted::Cost;
-        let (rounds, most) = if folds { (ROUNDS, MOST_ROUNDS) } else { (0, 0) };
+        let (rounds, most) = match (folds, d.free_delays.is_empty()) {
+            (true, true) => (ROUNDS, MOST_ROUNDS),
+            (true, false) => (ROUNDS, ROUNDS),
+            (false, _) => (0, 0),
+        };
         // What is folded need not be known to the last digit before the last round.
         let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
         w.keep_measured();
-        let (mut left, mut moves) = (live, [Moves::NONE; LANES]);
-        let mut before = w.iterates.theta.now.clone();
+        let (mut left, mut changes) = (live, [Changes::NONE; LANES]);
+        let mut changed = [0.0; LANES];
         for round in 0..=most {
             let (nit, active, cost) = (w.progress.nit, w.progress.active, w.progress.cost);
             let dependent = w.dependent;
             if round > 0 {
-                before.copy_from_slice(&w.iterates.theta.now);
-                unalias(isa, d, w, left);
+                changed = unalias(isa, d, w, left);
                 w.progress.begin(left);
                 w.dependent = [false; LANES];
                 isa.run(uncertainty::Transients { design: d, space: w });
@@ -115,8 +118,7 @@ pub(crate) fn estimate(
                     w.dependent[k] = dependent[k];
                     continue;
                 }
-                let each = w.iterates.theta.now.iter().zip(&before);
-                let more = round > 0 && moves[k].go_on(each.map(|(now, was)| (was.0[k], now.0[k])));
+                let more = round > 0 && changes[k].go_on(changed[k]);
                 left[k] = round < rounds || more;
             }
             if left == [false; LANES] {

@@ -14,7 +14,7 @@ use super::unalias::unalias;
 use super::whitener::Whitener;
 use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
-use crate::estimate::aliasing::{MOST_ROUNDS, Moves, ROUNDS};
+use crate::estimate::aliasing::{Changes, MOST_ROUNDS, ROUNDS};
 use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::statuses;
@@ -161,17 +161,17 @@ impl<'d> Single<'d> {
             let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
             let first = Run { limit: if rounds > 0 { rough } else { limit }, ..run };
             (nit, came_near) = self.settle(first, known, near, refresh)?;
-            let (mut round, mut more, mut moves) = (0, rounds > 0, Moves::NONE);
-            while more && round < MOST_ROUNDS {
+            let (mut round, mut more, mut changes) = (0, rounds > 0, Changes::NONE);
+            // Beside free delays a superfluous pole goes astray in further rounds.
+            let most = if d.free_delays.is_empty() { MOST_ROUNDS } else { ROUNDS };
+            while more && round < most {
                 round += 1;
-                let before = self.w.iterates.theta.now.clone();
-                unalias(self.isa, d, &mut self.w, [true; LANES]);
+                let changed = unalias(self.isa, d, &mut self.w, [true; LANES])[0];
                 self.find_transients();
                 nit += self.again();
                 let run = Run { limit: if round < rounds { rough } else { limit }, ..run };
                 nit += self.settle(run, true, None, refresh)?.0;
-                let each = self.w.iterates.theta.now.iter().zip(&before);
-                more = moves.go_on(each.map(|(now, was)| (was.0[0], now.0[0]))) || round < rounds;
+                more = changes.go_on(changed) || round < rounds;
             }
         } else {
             self.w.progress.active = Wide::ZERO;
