@@ -16,7 +16,7 @@ def test_four_channels_are_simulated(numbers):
 
 
 def test_the_vane_decides_one_derivative(numbers):
-    """One sample, as the kinematics say, moves Ybeta by 4 standard errors, Ydr and Lr by 2.5, no other by 2."""
+    """One sample, as kinematics say, moves Yb by 4 standard errors, Ydr and Lr by 2.5, no other by 2."""
     late, level = numbers["lag"]
     assert late == pytest.approx(0.019, abs=0.002)
     assert level > 32
