@@ -23,7 +23,7 @@ from ..records.functions import drives
 from ..records.record import Record
 from .cures import CLOSE, ENOUGH, again, likely_cure, with_drift
 from .diagnosis import high_band_df
-from .doubts import Doubt
+from .doubts import Doubt, noise_free
 from .estimates import Estimates
 from .free_motion import settled_motion
 from .lags import unused
@@ -84,7 +84,7 @@ def dry_friction(fit: Estimates) -> Doubt | None:
     does, looks so.
     """
     base = _in_white_noise(fit)
-    if base is None or not suspicious(base):
+    if base is None or noise_free(base) or not suspicious(base):
         return None
     try:
         with np.errstate(all="ignore"):
