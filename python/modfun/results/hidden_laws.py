@@ -53,6 +53,8 @@ def likeliest_law(fit: Estimates) -> Law | None:
     alone is none that could be told, as it changes the derivatives; with a lag beside it laws wash out an
     output, add its integral, or filter it. One Gauss-Newton step of the parameters and both gains.
     """
+    if len(fit.outputs) < 2:
+        return None  # of one output, noise inside the system and an answer to it look alike
     model = linear_of(fit) if testable(fit) and fit.inputs else None
     found = lines_beside(fit, []) if model else None
     if model is None or found is None:
