@@ -18,7 +18,7 @@ from ..models.options import Options
 from ..models.process import ProcessNoise
 from ..records.record import Record
 from .diagnosis import growth, level_p
-from .drifting import DRIFT, drifting, has_constant
+from .drifting import DRIFT, drift_beside, has_constant
 from .estimates import Estimates
 from .lags import EXTRA, LAG, acts_later, lagging, least_time, with_values
 from .neighbours import LEVER, ZERO, absurd, integrals, neighbours, singular
@@ -356,7 +356,7 @@ def convincing(fit: Estimates, cure: Cure) -> bool:
 @kept
 def with_drift(fit: Estimates) -> Cure | None:
     """A drift of the output beside the constant."""
-    words, model, trend = drifting(fit)
+    words, model, trend = drift_beside(fit)
     options = on_band(fit, fit.band).replace(trend=trend)
     if not (fit.again and fit.records and (other := again(fit, fit.records, model, options, near=True))):
         return None

@@ -9,7 +9,7 @@ from ..models.free import Free
 from .estimates import Estimates
 from .lags import EXTRA
 
-__all__ = ["DRIFT", "drifting", "has_constant", "is_drift"]
+__all__ = ["DRIFT", "drift_beside", "has_constant", "is_drift"]
 
 DRIFT = 'trend="linear"'  # words of that cure
 WRITTEN = "a drift of the constant"  # how those of an equation begin
@@ -23,7 +23,7 @@ def has_constant(fit: Estimates) -> bool:
     return EXTRA not in fit.param_names and bool(getattr(layout, "constants", ()))
 
 
-def drifting(fit: Estimates) -> tuple[str, Any, str | None]:
+def drift_beside(fit: Estimates) -> tuple[str, Any, str | None]:
     """A drift in words with {} for its size, the structure that has it, and the trend beside it.
 
     A constant of an equation may be what a user asks for (trim, ambient temperature), so that it stays.

@@ -23,7 +23,7 @@ from .cures import (
 )
 from .diagnosis import Diagnosis, chi_square, diagnose, level_p, level_ratio
 from .doubts import SURE, Doubt, crowded, noise_free, numbers
-from .drifting import drifting, is_drift
+from .drifting import drift_beside, is_drift
 from .driven_equations import driven
 from .estimates import Estimates
 from .fitted_samples import measured_lines, stationary
@@ -419,7 +419,7 @@ def _lacking(fit: Estimates, cure: Cure) -> tuple[Doubt, float]:
 
 def _drift_leaves_more(fit: Estimates) -> bool:
     """Whether residual lines of a fit with a drift are those of no stationary white noise, either."""
-    _, model, trend = drifting(fit)
+    _, model, trend = drift_beside(fit)
     other = again(fit, fit.records, model, on_band(fit, fit.band).replace(trend=trend))
     return other is not None and _uneven(other, LOOK)
 

@@ -11,10 +11,11 @@
 //! p = 1 held, 2 straight between samples, τ its delay; J is the jump from the record's end to its beginning, which
 //! stands at a sample whatever the delay.
 //! The sums over j beyond a few end in closed form. G is that of the estimate, which then follows anew: the error of
-//! G in so small a term is next to nothing after two rounds, but for poles as fast as the sampling, which take more. What the folding adds is no small matter: for one pole
-//! more than zeros it is (ωh)²/12 of the response, 5 % at eight samples a period. Where all inputs are
-//! held, what the ends of the record fold is known from the transient, and the output's sums are plain ones; else the
-//! ends, J among them, are left to the end weights of the quadrature. Uneven samples fold otherwise and keep their
+//! G in so small a term is next to nothing after two rounds, but for poles as fast as the sampling, which take more.
+//! What the folding adds is no small matter: for one pole more than zeros it is (ωh)²/12 of the response, 5 % at eight
+//! samples a period. Where all inputs are held, what the ends of the record fold is known from the transient, and the
+//! output's sums are plain ones; else the ends, J among them, are left to the end weights of the quadrature. Uneven
+//! samples fold otherwise and keep their
 //! weights, too.
 
 use std::f64::consts::{PI, TAU};
@@ -318,57 +319,6 @@ impl Changes {
         let part = now / self.0;
         self.0 = now;
         part < QUICKLY && now * part > STANDS * (1.0 - part)
-    }
-}
-
-/// The outputs' sums as they were measured.
-#[derive(Debug, Clone, Default)]
-pub(crate) struct Measured {
-    pub re: Vec<Wide>,
-    pub im: Vec<Wide>,
-}
-
-impl Measured {
-    /// Room for so many numbers, none where nothing is folded.
-    pub fn new(aliasing: Option<&Aliasing>, count: usize) -> Measured {
-        let room = || vec![Wide::ZERO; aliasing.map_or(0, |_| count)];
-        Measured { re: room(), im: room() }
-    }
-
-    /// Keeps the first of these.
-    pub fn keep(&mut self, re: &[Wide], im: &[Wide]) {
-        let count = self.re.len();
-        self.re.copy_from_slice(&re[..count]);
-        self.im.copy_from_slice(&im[..count]);
-    }
-
-    /// Puts all lanes back.
-    pub fn give_back(&self, re: &mut [Wide], im: &mut [Wide]) {
-        (0..LANES).for_each(|lane| self.put_back(re, im, lane));
-    }
-
-    /// Puts one lane back.
-    fn put_back(&self, re: &mut [Wide], im: &mut [Wide], lane: usize) {
-        for (to, from) in re.iter_mut().zip(&self.re).chain(im.iter_mut().zip(&self.im)) {
-            to.0[lane] = from.0[lane];
-        }
-    }
-
-    /// Puts back those of these lanes in which what was taken out has more than this part of the output's power.
-    pub fn judge(
-        &self,
-        (re, im): (&mut [Wide], &mut [Wide]),
-        [taken, all, _]: &[Wide; 3],
-        large: f64,
-        of: [bool; LANES],
-    ) {
-        for lane in (0..LANES).filter(|k| of[*k]) {
-            // NaN is not little, either.
-            let little = taken.0[lane] <= large * all.0[lane];
-            if !little {
-                self.put_back(re, im, lane);
-            }
-        }
     }
 }
 

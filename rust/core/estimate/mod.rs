@@ -22,6 +22,7 @@ mod iterates;
 pub mod joint;
 mod ls;
 mod many;
+mod measured;
 mod ml;
 mod normal_equations;
 mod options;

@@ -1,6 +1,6 @@
 //! Workspace of one record: its coefficients, what a pass makes of them, and its system.
 
-use super::aliasing::Measured;
+use super::measured::Measured;
 use super::rest::Tie;
 use crate::simd::Wide;
 

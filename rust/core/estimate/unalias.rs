@@ -4,8 +4,9 @@ use std::f64::consts::TAU;
 
 use super::aliasing::{Aliasing, Images, LARGE, LARGE_AT_ONCE};
 use super::design::Design;
+use super::measured::{Power, TakeOut};
 use super::workspace::Workspace;
-use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
+use crate::simd::{Isa, Kernel, LANES, Lanes};
 use crate::structure::Structure;
 
 /// Takes what the estimate's response folds out of the output, of these lanes; from the sums as they were measured. Says
@@ -17,10 +18,7 @@ pub(crate) fn unalias(isa: Isa, d: &Design, w: &mut Workspace, of: [bool; LANES]
     for r in &mut w.records {
         r.measured.judge((&mut r.re, &mut r.im), &power, large, of);
     }
-    std::array::from_fn(|k| match power[2].0[k] > 0.0 {
-        true => (power[2].0[k] / power[1].0[k]).sqrt(),
-        false => 0.0,
-    })
+    power.change()
 }
 
 struct Unalias<'a> {
@@ -32,15 +30,13 @@ struct Unalias<'a> {
 }
 
 impl Kernel for Unalias<'_> {
-    /// Power of what was taken out, of the output, and of what changed.
-    type Output = [Wide; 3];
+    type Output = Power;
     #[inline(always)]
-    fn run<L: Lanes>(self) -> [Wide; 3] {
+    fn run<L: Lanes>(self) -> Power {
         let Unalias { structure, aliasing, design, space: w, of } = self;
-        let (of, half) = (L::load(&Wide(of.map(f64::from))), L::splat(0.5));
         let theta = &w.iterates.theta.now;
         let (a, b) = theta.split_at(structure.order);
-        let mut power = [L::splat(0.0); 3];
+        let mut out = TakeOut::<L>::new(of);
         let transients = w.iterates.transients.iter();
         let each = w.records.iter_mut().zip(&design.records).zip(&aliasing.records);
         for (((r, rd), own), transient) in each.zip(transients) {
@@ -69,20 +65,9 @@ impl Kernel for Unalias<'_> {
                     sum = (sum.0 + own.0, sum.1 + own.1);
                 }
                 let y = (L::load(&r.measured.re[m]), L::load(&r.measured.im[m]));
-                let before = (L::load(&r.re[m]), L::load(&r.im[m]));
-                let after = (y.0 - sum.0, y.1 - sum.1);
-                let change = (after.0 - before.0, after.1 - before.1);
-                power[2] = change.0.mul_add(change.0, change.1.mul_add(change.1, power[2]));
-                half.select_lt(of, after.0, before.0).store(&mut r.re[m]);
-                half.select_lt(of, after.1, before.1).store(&mut r.im[m]);
-                power[0] = sum.0.mul_add(sum.0, sum.1.mul_add(sum.1, power[0]));
-                power[1] = y.0.mul_add(y.0, y.1.mul_add(y.1, power[1]));
+                out.line(y, sum, (&mut r.re[m], &mut r.im[m]));
             }
         }
-        let mut out = [Wide::ZERO; 3];
-        power[0].store(&mut out[0]);
-        power[1].store(&mut out[1]);
-        power[2].store(&mut out[2]);
-        out
+        out.power()
     }
 }

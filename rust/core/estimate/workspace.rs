@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::aliasing::Measured;
 use super::covariances::Covariances;
 use super::design::Design;
 use super::driven::output::Refined;
 use super::iterates::{Iterates, Progress};
+use super::measured::Measured;
 use super::qr_step::QrStep;
 use super::record_workspace::RecordWorkspace;
 use super::rest::{Drives, Tie};

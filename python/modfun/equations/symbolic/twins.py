@@ -83,14 +83,13 @@ def unwound(compiled: Compiled, params: F64) -> F64 | None:
 
 def _unwound(values: Any, params: F64, low: F64, high: F64) -> F64 | None:
     """The same parameters less whole turns, of those beyond half a turn by which they change nothing."""
-    with np.errstate(all="ignore"):
-        other, given = params.copy(), values(params)
-        for k in np.flatnonzero(np.abs(params) > np.pi).tolist():
-            less = other.copy()
-            less[k] -= TURN * np.round(other[k] / TURN)
-            same = np.allclose(values(less), given, rtol=SAME, atol=0.0)
-            if same and low[k] <= less[k] <= high[k]:
-                other = less
+    other, given = params.copy(), values(params)
+    for k in np.flatnonzero(np.abs(params) > np.pi).tolist():
+        less = other.copy()
+        less[k] -= TURN * np.round(other[k] / TURN)
+        same = np.allclose(values(less), given, rtol=SAME, atol=0.0)
+        if same and low[k] <= less[k] <= high[k]:
+            other = less
     return None if np.array_equal(other, params) else other
 
 

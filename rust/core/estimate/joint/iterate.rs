@@ -8,7 +8,7 @@ use super::unalias::unalias;
 use super::uncertainty;
 use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
-use crate::estimate::aliasing::{Changes, MOST_ROUNDS, ROUNDS};
+use crate::estimate::aliasing::Changes;
 use crate::estimate::autoregression;
 use crate::estimate::band::CLOSE;
 use crate::estimate::iterates::Move;
@@ -83,12 +83,7 @@ pub(crate) fn estimate(
     };
     let run = Run { rule, most: o.maxiter, limit: o.tol * o.tol, held, fresh: false };
     if rule != Rule::Wls {
-        let folds = d.aliasing.is_some() && o.wanted != Wanted::Cost;
-        let (rounds, most) = match (folds, d.free_delays.is_empty()) {
-            (true, true) => (ROUNDS, MOST_ROUNDS),
-            (true, false) => (ROUNDS, ROUNDS),
-            (false, _) => (0, 0),
-        };
+        let (rounds, most) = d.rounds_of_folding(o);
         // What is folded need not be known to the last digit before the last round.
         let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
         w.keep_measured();

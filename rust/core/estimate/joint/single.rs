@@ -14,13 +14,13 @@ use super::unalias::unalias;
 use super::whitener::Whitener;
 use super::workspace::JointWorkspace;
 use crate::error::{Error, Status};
-use crate::estimate::aliasing::{Changes, MOST_ROUNDS, ROUNDS};
+use crate::estimate::Options;
+use crate::estimate::aliasing::Changes;
 use crate::estimate::band::CLOSE;
 use crate::estimate::normal_equations::{LeftColumns, RowWeights};
 use crate::estimate::outcome::statuses;
 use crate::estimate::prior::{self, Prior};
 use crate::estimate::rule::Rule;
-use crate::estimate::{Options, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide, numbers, numbers_mut};
 use crate::structure::Method;
 use crate::threads::stopped;
@@ -153,17 +153,12 @@ impl<'d> Single<'d> {
         if rule != Rule::Wls && d.acts_at_once() {
             nit = self.rounds_at_once(run, known, o, refresh)?;
         } else if rule != Rule::Wls {
-            let rounds = match d.aliasing.is_some() && o.wanted != Wanted::Cost {
-                true => ROUNDS,
-                false => 0,
-            };
+            let (rounds, most) = d.rounds_of_folding(o);
             // What is folded need not be known to the last digit before the last round.
             let rough = o.tol.max(CLOSE) * o.tol.max(CLOSE);
             let first = Run { limit: if rounds > 0 { rough } else { limit }, ..run };
             (nit, came_near) = self.settle(first, known, near, refresh)?;
             let (mut round, mut more, mut changes) = (0, rounds > 0, Changes::NONE);
-            // Beside free delays a superfluous pole goes astray in further rounds.
-            let most = if d.free_delays.is_empty() { MOST_ROUNDS } else { ROUNDS };
             while more && round < most {
                 round += 1;
                 let changed = unalias(self.isa, d, &mut self.w, [true; LANES])[0];

@@ -5,7 +5,11 @@ use std::f64::consts::TAU;
 use super::design::{JointDesign, TransientColumn};
 use super::tile::Across;
 use super::workspace::JointWorkspace;
-use crate::estimate::aliasing::{Aliasing, Fold, Images, LARGE, LARGE_AT_ONCE};
+use crate::estimate::aliasing::{
+    Aliasing, Fold, Images, LARGE, LARGE_AT_ONCE, MOST_ROUNDS, ROUNDS,
+};
+use crate::estimate::measured::{Power, TakeOut};
+use crate::estimate::{Options, Wanted};
 use crate::simd::{Isa, Kernel, LANES, Lanes, Wide};
 
 /// Takes what the estimate's response folds out of the outputs, of these lanes; from the sums as they were measured. Says
@@ -22,16 +26,25 @@ pub(crate) fn unalias(
     let power = isa.run(Unalias { aliasing, design: d, space: w, of });
     let power = match w.across {
         Across::Replicates => power,
-        Across::Lines => power.map(|p| Wide::splat(p.0.iter().sum())),
+        Across::Lines => power.over_lines(),
     };
     let large = if d.acts_at_once() { LARGE_AT_ONCE } else { LARGE };
     for r in &mut w.records {
         r.measured.judge((&mut r.re, &mut r.im), &power, large, of);
     }
-    std::array::from_fn(|k| match power[2].0[k] > 0.0 {
-        true => (power[2].0[k] / power[1].0[k]).sqrt(),
-        false => 0.0,
-    })
+    power.change()
+}
+
+impl JointDesign {
+    /// Fewest and most rounds of what sampling folds and of the estimate that follows.
+    pub(crate) fn rounds_of_folding(&self, o: &Options) -> (usize, usize) {
+        match (self.aliasing.is_some() && o.wanted != Wanted::Cost, self.free_delays.is_empty()) {
+            (true, true) => (ROUNDS, MOST_ROUNDS),
+            // Beside free delays a superfluous pole goes astray in further rounds.
+            (true, false) => (ROUNDS, ROUNDS),
+            (false, _) => (0, 0),
+        }
+    }
 }
 
 impl JointWorkspace {
@@ -66,14 +79,12 @@ struct Unalias<'a> {
 }
 
 impl Kernel for Unalias<'_> {
-    /// Power of what was taken out, of the outputs, and of what changed.
-    type Output = [Wide; 3];
+    type Output = Power;
     #[inline(always)]
-    fn run<L: Lanes>(self) -> [Wide; 3] {
+    fn run<L: Lanes>(self) -> Power {
         let Unalias { aliasing, design: d, space: w, of } = self;
-        let (of, half) = (L::load(&Wide(of.map(f64::from))), L::splat(0.5));
         let (q, paths) = (d.outputs(), d.paths());
-        let mut power = [L::splat(0.0); 3];
+        let mut out = TakeOut::<L>::new(of);
         let transients = w.iterates.transients.iter();
         let each = w.records.iter_mut().zip(&d.records).zip(&aliasing.records);
         for (((r, rd), own), transient) in each.zip(transients) {
@@ -108,21 +119,10 @@ impl Kernel for Unalias<'_> {
                     }
                     let at = i * r.lines + m;
                     let y = (L::load(&r.measured.re[at]), L::load(&r.measured.im[at]));
-                    let before = (L::load(&r.re[at]), L::load(&r.im[at]));
-                    let after = (y.0 - sum.0, y.1 - sum.1);
-                    let change = (after.0 - before.0, after.1 - before.1);
-                    power[2] = change.0.mul_add(change.0, change.1.mul_add(change.1, power[2]));
-                    half.select_lt(of, after.0, before.0).store(&mut r.re[at]);
-                    half.select_lt(of, after.1, before.1).store(&mut r.im[at]);
-                    power[0] = sum.0.mul_add(sum.0, sum.1.mul_add(sum.1, power[0]));
-                    power[1] = y.0.mul_add(y.0, y.1.mul_add(y.1, power[1]));
+                    out.line(y, sum, (&mut r.re[at], &mut r.im[at]));
                 }
             }
         }
-        let mut out = [Wide::ZERO; 3];
-        power[0].store(&mut out[0]);
-        power[1].store(&mut out[1]);
-        power[2].store(&mut out[2]);
-        out
+        out.power()
     }
 }

@@ -2,9 +2,9 @@
 
 use super::design::{JointDesign, RecordDesign};
 use super::tile::{Across, Block, Rows};
-use crate::estimate::aliasing::Measured;
 use crate::estimate::covariances::Covariances;
 use crate::estimate::iterates::{Iterates, Progress};
+use crate::estimate::measured::Measured;
 use crate::linalg::stacked::Factor;
 use crate::math::ln_1;
 use crate::simd::{LANES, Wide};
